@@ -94,8 +94,7 @@ def estimate_speed(samples: Samples, specific_force: Array, rotation_rate: Array
     What accelerates up and down averages out of |f|². Straight legs and turns together tell g and
     v apart; priors (`SCALE_SD`, `FASTEST_M_S`, or the speed of the track) hold what they do not.
 
-    Parameters: samples with their times and track; specific_force (n, 3) m/s² and rotation_rate
-    (n, 3) rad/s in body axes.
+    Force (n, 3), m/s², and rates (n, 3), rad/s, are in body axes.
     """
     time = samples.time
     assert time is not None
@@ -141,8 +140,7 @@ def estimate_shaking(
     and the level axes are shaken as much (water in waves moves in circles); what only pushes along
     the ground shows as the mean of |f|²/g² − 1, g being what is felt in calm moments.
 
-    Parameters: `force` (n, 3) and `rotation_rate` (n, 3), if there are gyros, in body axes;
-    `window_s` over which it is averaged.
+    It is averaged over `window_s`; `force` and `rotation_rate` (n, 3) are in body axes.
     """
     width = count_rows(time, window_s)
     size = np.sqrt((force**2).sum(axis=1))

@@ -82,12 +82,27 @@ def heading(samples: Samples | Sequence[Samples], setup: Setup, *, smooth: bool 
     ([93.0], [0.286])
     """
     pairs = _match_sensors((samples,) if isinstance(samples, Samples) else tuple(samples), setup)
-    pairs, unknown = _undo_late_attitude(pairs)
-    first = pairs[0][1]
-    read = [interpolate_readings(_on_the_clock_of(first, own), c, first.time) for c, own in pairs]
-    if unknown is not None:  # rows whose attitude is not known
-        read = [readings._replace(missing=readings.missing | unknown) for readings in read]
-    read = [_add_tilt(readings, own, first) for readings, (_, own) in zip(read, pairs, strict=True)]
+    unknown = None
+    # by as much as the earliest readings seem early beside the attitude, that is brought forward
+    late_s = -min(compass.latency_s for compass, _ in pairs)
+    if late_s > 0 and all(own.time is not None for _, own in pairs):
+        forward = [bring_forward(own, late_s) for _, own in pairs]
+        unknown = forward[0][1]  # rows of the first whose attitude is not known then
+        pairs = tuple(
+            (replace(compass, latency_s=compass.latency_s + late_s), own)
+            for (compass, _), (own, _) in zip(pairs, forward, strict=True)
+        )
+    first, read = pairs[0][1], []
+    for compass, own in pairs:
+        timed = own  # from here on by the clock of the first
+        if first.epoch is not None and own.epoch is not None and own.time is not None:
+            apart_s = (own.epoch - first.epoch).total_seconds()
+            if apart_s:
+                timed = own.with_columns(time=own.time + apart_s, epoch=first.epoch)
+        readings = interpolate_readings(timed, compass, first.time)
+        if unknown is not None:
+            readings = readings._replace(missing=readings.missing | unknown)
+        read.append(_add_tilt(readings, own, first))
     around = find_surroundings(first, setup)
     first, said = mend_unit(first, setup, pairs[0][0].calibration, smooth=smooth)
     seen = [(compass, readings) for (compass, _), readings in zip(pairs, read, strict=True)]
@@ -122,18 +137,6 @@ def _match_sensors(samples: tuple[Samples, ...], setup: Setup) -> _Pairs:
     return tuple((compass, by_name[compass.sensor]) for compass in setup.compasses)
 
 
-def _undo_late_attitude(pairs: _Pairs) -> tuple[_Pairs, Mask | None]:
-    """Compasses and samples with the attitude brought forward by as much as the earliest readings
-    seem early beside it, and the rows of the first that have none then."""
-    late_s = -min(compass.latency_s for compass, _ in pairs)
-    if late_s <= 0 or any(samples.time is None for _, samples in pairs):
-        return pairs, None
-    forward = [bring_forward(samples, late_s) for _, samples in pairs]
-    own = [replace(compass, latency_s=compass.latency_s + late_s) for compass, _ in pairs]
-    moved = [samples for samples, _ in forward]
-    return tuple(zip(own, moved, strict=True)), forward[0][1]
-
-
 def _add_tilt(readings: Readings, own: Samples, first: Samples) -> Readings:
     """The readings with the tilt of the sensor's own inclinometer, in the rows of the first."""
     if own is first or own.roll_deg is None or own.pitch_deg is None or len(own) != len(first):
@@ -145,14 +148,6 @@ def _add_tilt(readings: Readings, own: Samples, first: Samples) -> Readings:
     if shared and np.array_equal(tilt, np.transpose([first.roll_deg, first.pitch_deg])):
         return readings
     return readings._replace(tilt=tilt)
-
-
-def _on_the_clock_of(first: Samples, other: Samples) -> Samples:
-    """Samples whose times count from the epoch of the first."""
-    if first.epoch is None or other.epoch is None or other.time is None:
-        return other
-    late = (other.epoch - first.epoch).total_seconds()
-    return other if late == 0.0 else other.with_columns(time=other.time + late, epoch=first.epoch)
 
 
 def _make_heading(

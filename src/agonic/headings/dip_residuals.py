@@ -12,7 +12,6 @@ what was assumed, felt or stated wherever the dip scatters by more.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,6 +23,7 @@ from agonic.headings.acceleration import ROWS
 from agonic.headings.attitude import LEVEL, Attitude, select_rows
 from agonic.headings.compass_heading import Readings
 from agonic.headings.expected_field import Surroundings
+from agonic.headings.maths.lean import CLIP, FEWEST
 from agonic.headings.propagation import apply_steps, list_steps, propagate
 from agonic.health.finding import figure
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
@@ -32,8 +32,6 @@ from agonic.units import RAW
 
 AVERAGED_S = 1.0
 """Residuals within it are averaged."""
-FEWEST = 30
-"""Rows that a scatter is taken from at least."""
 LOCAL_S = 60.0
 """The scatter is taken over so long about each row too: some vehicles turn at times only."""
 RAISED = 2.0
@@ -46,8 +44,6 @@ ONE_HEADING = 0.05
 """Where the headings show less of one of the vehicle's axes, they do not show it."""
 LEAST_SD = np.radians(0.1)
 """No tilt is taken to be better known than this, unless stated."""
-CLIP = 3.0
-"""Residuals further out than so many standard deviations count as these: a magnet is no tilt."""
 
 
 class DipResiduals(NamedTuple):
@@ -70,24 +66,22 @@ def refine_tilt_sd(
     setup: Setup,
     time: Array | None,
 ) -> Attitude:
-    """The attitude with standard errors that the dip of the field bears out.
-
-    Parameters: `compasses` and their readings (n,); the one whose dip scatters least tells.
-    `time` (n,) in seconds, or `None`.
-    """
-    stated_exact = attitude.source == "log" and not attitude.roll_sd.any()
-    if attitude.source == LEVEL or stated_exact:
+    """The attitude with standard errors that the dip of the field bears out; the compass whose dip
+    scatters least tells."""
+    exact = attitude.source == "log" and not attitude.roll_sd.any()
+    if attitude.source == LEVEL or exact:
         return attitude
     seen = [compute_dip_residuals(c, r, attitude, around, setup) for c, r in compasses]
     told = [one for one in seen if one is not None]
     if not told:
         return attitude
     best = min(told, key=lambda one: _scatter(one.residual))
-    if time is not None and len(time) == len(attitude.tilt.cos_roll):
+    local = time is not None and len(time) == len(attitude.tilt.cos_roll)
+    if time is not None and local:
         best = _average(best, time)
-    followed = _follow(attitude, best, time, None)
-    if time is not None and len(time) == len(attitude.tilt.cos_roll):
-        followed = _follow(followed, best, time, LOCAL_S)
+    followed = _follow(attitude, best, _Within(None))
+    if time is not None and local:
+        followed = _follow(followed, best, _Within(time[best.rows]))
     if np.median(followed.variance) <= RAISED * np.median(attitude.variance):
         return followed
     scattered = float(np.degrees(_scatter(best.residual)))
@@ -111,7 +105,10 @@ def compute_dip_residuals(
     tilt = attitude.select_tilt(rows)
     with np.errstate(divide="ignore", invalid="ignore"):
         turned = kernel.heading_with_derivatives(values[-1], tilt, attitude.order)
-        gradient = _gradient(values[-1], kernel.compute_down(tilt, attitude.order), turned)
+        # ∂dip/∂field (3, k), rad per unit: (h d − (z/h)(b − z d))/|b|²
+        down = kernel.compute_down(tilt, attitude.order)
+        h, z = turned.horizontal[:, None], turned.vertical[:, None]
+        gradient = ((h * down - (z / h) * (values[-1] - z * down)) / (h * h + z * z)).T
     calibration, noise, _ = propagate(steps, values, readings.columns, gradient)
     if readings.averaged is not None:
         noise = noise * readings.averaged
@@ -139,15 +136,29 @@ def _average(seen: DipResiduals, time: Array) -> DipResiduals:
     return DipResiduals(rows, residual, noise / count, calibration, north)
 
 
-def _gradient(field: Array, down: Array, turned: kernel.HeadingDerivatives) -> Array:
-    """∂dip/∂field (3, k), rad per unit: (h d − (z/h)(b − z d))/|b|²."""
-    h, z = turned.horizontal[:, None], turned.vertical[:, None]
-    return np.asarray(((h * down - (z / h) * (field - z * down)) / (h * h + z * z)).T)
+class _Within:
+    """Means of residuals at times (k,) over those within `LOCAL_S` of each; without times over all
+    of them."""
+
+    def __init__(self, time: Array | None) -> None:
+        self.ends = None
+        if time is not None:
+            after = np.searchsorted(time, time + LOCAL_S / 2, side="right")
+            self.ends = np.searchsorted(time, time - LOCAL_S / 2), after
+
+    def count(self, n: int) -> Array:
+        """How many they are."""
+        return np.asarray(n if self.ends is None else self.ends[1] - self.ends[0], np.float64)
+
+    def mean(self, values: Array) -> Array:
+        """The means."""
+        if self.ends is None:
+            return np.asarray(np.mean(values))
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        return np.asarray((total[self.ends[1]] - total[self.ends[0]]) / self.count(len(values)))
 
 
-def _follow(
-    attitude: Attitude, seen: DipResiduals, time: Array | None, width_s: float | None
-) -> Attitude:
+def _follow(attitude: Attitude, seen: DipResiduals, within: _Within) -> Attitude:
     """The tilt's variances as large as the dip shows, over the whole log or about each row.
 
     A dip that scatters by more than all errors together raises the tilt's; one that scatters by
@@ -159,8 +170,8 @@ def _follow(
     z = seen.residual / np.sqrt(total)
     clipped = _clip(z)
     square = clipped**2
-    mean, count = _average_over(seen, time, width_s)
-    independent = count / correlation_length(clipped, np.ones(len(z)))
+    mean = within.mean
+    independent = within.count(len(z)) / correlation_length(clipped, np.ones(len(z)))
     more = (PRIOR + independent * mean(square)) / (PRIOR + independent)
     share = mean(tilt / total)
     less = np.maximum(mean(z**2 - seen.noise / total), 0.0) / np.maximum(share, 1e-9)
@@ -181,25 +192,6 @@ def _follow(
         least = np.minimum(sd, np.maximum(attitude.stated_sd, LEAST_SD) / lean)
         parts.append(np.sqrt(np.maximum(less * sd**2, least**2) + added))
     return replace(attitude, roll_sd=parts[0], pitch_sd=parts[1])
-
-
-def _average_over(
-    seen: DipResiduals, time: Array | None, width_s: float | None
-) -> tuple[Callable[[Array], Array], Array]:
-    """What averages over all residuals, or over those within a width of each, and their count."""
-    n = len(seen.rows)
-    if width_s is None or time is None:
-        return (lambda values: np.asarray(np.mean(values))), np.asarray(float(n))
-    own = time[seen.rows]
-    first = np.searchsorted(own, own - width_s / 2)
-    after = np.searchsorted(own, own + width_s / 2, side="right")
-    count = (after - first).astype(np.float64)
-
-    def mean(values: Array) -> Array:
-        total = np.concatenate([[0.0], np.cumsum(values)])
-        return np.asarray((total[after] - total[first]) / count)
-
-    return mean, count
 
 
 def _clip(values: Array) -> Array:

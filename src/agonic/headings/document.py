@@ -64,26 +64,22 @@ def draw_field(found: Heading, field: Array) -> list[Markup]:
     down = compute_down(tilt_from_angles(found.roll_deg, found.pitch_deg))
     size = np.linalg.norm(field, axis=1)
     dip = np.degrees(np.arcsin(np.clip(np.einsum("ni,ni->n", field, down) / size, -1, 1)))
-    return [
-        _draw_steady(found, size, "Strength of the field", "nT"),
-        _draw_steady(found, dip, "Dip of the field", "°"),
-    ]
-
-
-def _draw_steady(found: Heading, values: Array, name: str, unit: str) -> Markup:
-    columns, x = _columns(found)
-    values = _fill(values, np.isfinite(values))
-    low, high = np.percentile(values, (0.5, 99.5))
-    margin = max(0.15 * float(high - low), 1e-3 * abs(float(high)), 1e-9)
-    y = Axis(f"{name.split()[0].lower()}, {unit}", float(low) - margin, float(high) + margin)
-    layers = [
-        spread(columns, y, values, "range"),
-        line(columns, y, columns.mean(values), "mean"),
-        mark_rows(columns, ~found.trusted, "held-out"),
-    ]
-    keys = {"range": "least to largest", "mean": "mean", **_DOUBTED}
-    label = f"{name} over time"
-    return caption(name, plot(x, y, layers, label, arrows(columns, y, values)), keys)
+    (columns, x), made = _columns(found), []
+    for name, values, unit in (("Strength", size, "nT"), ("Dip", dip, "°")):
+        known = _fill(values, np.isfinite(values))
+        low, high = np.percentile(known, (0.5, 99.5)).tolist()
+        margin = max(0.15 * (high - low), 1e-3 * abs(high), 1e-9)
+        y = Axis(f"{name.lower()}, {unit}", low - margin, high + margin)
+        layers = [
+            spread(columns, y, known, "range"),
+            line(columns, y, columns.mean(known), "mean"),
+            mark_rows(columns, ~found.trusted, "held-out"),
+        ]
+        keys = {"range": "least to largest", "mean": "mean", **_DOUBTED}
+        label = f"{name} of the field over time"
+        drawn = plot(x, y, layers, label, arrows(columns, y, known))
+        made.append(caption(f"{name} of the field", drawn, keys))
+    return made
 
 
 def list_flags(found: Heading) -> list[list[str]]:
@@ -121,21 +117,28 @@ def describe_headings(
 ) -> Document:
     """How many headings can be trusted, how far, and why the others cannot.
 
-    Parameters
-    ----------
-    found : the headings. samples : the readings of the first sensor, for the heading that was
-        logged. field : (n, 3) that it gives, whose strength and dip the page draws.
-    notes : on what was assumed, beside those of the headings. inputs : files that it rests on.
+    Those that were logged with the `samples` of the first sensor are compared with; the page draws
+    strength and dip of its `field` (n, 3). `notes` say what was assumed, `inputs` the files.
     """
     values = _list_values(found, samples)
-    said = (*found.notes, *notes)
+    said, flags = (*found.notes, *notes), list_flags(found)
+    drawn: list[Block] = [lambda: draw_heading(found), lambda: draw_sd(found)]
+    if field is not None and len(field) == len(found):
+        drawn.append(lambda: draw_field(found, field))
+    doubts: Block = "No flag marks any row."
+    if flags:
+        doubts = Table(("Flag", "Rows", "Meaning"), flags, style="findings")
     return Document(
         schema="agonic/heading@1",
         kind="True headings",
         name=found.sensors[0] if samples is None else samples.name,
         entries=_list_entries(found, values),
         entries_title="Headings",
-        sections=[*_list_sections(found, field), list_inputs(*inputs, equation=EQUATION)],
+        sections=[
+            Section("Over time", drawn),
+            Section("What not to trust", [doubts]),
+            list_inputs(*inputs, equation=EQUATION),
+        ],
         remarks=said,
         values=values | {"notes": said},
     )
@@ -191,17 +194,6 @@ def _list_entries(found: Heading, values: Mapping[str, Any]) -> dict[str, str]:
             f"rms {against['rms_deg']:.2f}°"
         )
     return entries
-
-
-def _list_sections(found: Heading, field: Array | None) -> list[Section]:
-    """What the page draws, and what not to trust."""
-    drawn: list[Block] = [lambda: draw_heading(found), lambda: draw_sd(found)]
-    if field is not None and len(field) == len(found):
-        drawn.append(lambda: draw_field(found, field))
-    flags = list_flags(found)
-    table = Table(("Flag", "Rows", "Meaning"), flags, style="findings")
-    said: list[Block] = [table] if flags else ["No flag marks any row."]
-    return [Section("Over time", drawn), Section("What not to trust", said)]
 
 
 def _median(values: Array, rows: Mask) -> float | None:

@@ -72,7 +72,16 @@ def find_surroundings(samples: Samples, setup: Setup) -> Surroundings:
         sd = np.array([setup.declination_sd_deg or 0.0])
         around = around._replace(declination_deg=declination, declination_sd_deg=sd)
     elif world is None:
-        raise LogError(_what_is_missing(samples))
+        lacking = {}
+        if samples.latitude_deg is None or samples.longitude_deg is None:
+            lacking["position"] = "the place (--at LAT,LON)"
+        if samples.epoch is None:
+            lacking["date"] = "the date (--date 2026-05-01)"
+        raise LogError(
+            f"true heading needs the declination, and the samples of {samples.name} have no "
+            f"{' and no '.join(lacking)} to take it from: give {' and '.join(lacking.values())}, "
+            "or a declination in the setup (0 for headings from magnetic north)"
+        )
     if setup.horizontal is not None and setup.vertical is not None:
         h, z = np.array([setup.horizontal]), np.array([setup.vertical])
         around = around._replace(horizontal=h, vertical=z)
@@ -86,7 +95,10 @@ def evaluate_world(samples: Samples) -> Surroundings | None:
         return None
     n = len(samples)
     even = np.linspace(0, n - 1, NODES).round().astype(np.intp)
-    before = _jumps(latitude, longitude)
+    # after which the place is another: a fix that came, or a log put together
+    north, east = np.diff(np.radians(latitude)), np.diff(np.radians(longitude))
+    east = ((east * np.cos(np.radians(latitude[1:]))) + np.pi) % (2 * np.pi) - np.pi
+    before = np.flatnonzero(np.hypot(north, east) * SEMI_MAJOR_M > JUMP_M)
     rows = np.unique(np.concatenate([even, before, before + 1]))
     time = np.zeros(n) if samples.time is None else samples.time
     altitude = np.zeros(n) if samples.altitude_m is None else samples.altitude_m
@@ -101,24 +113,3 @@ def evaluate_world(samples: Samples) -> Surroundings | None:
     nodes = (declination, there.declination_sd_deg, there.horizontal, there.down)
     east, sd, level, below = (np.interp(where, where[rows], values) for values in nodes)
     return Surroundings(east, sd, level, below)
-
-
-def _jumps(latitude_deg: Array, longitude_deg: Array) -> Index:
-    """The rows after which the place is another: a fix that came, or a log put together."""
-    north = np.diff(np.radians(latitude_deg))
-    east = np.diff(np.radians(longitude_deg)) * np.cos(np.radians(latitude_deg[1:]))
-    east = (east + np.pi) % (2 * np.pi) - np.pi
-    return np.flatnonzero(np.hypot(north, east) * SEMI_MAJOR_M > JUMP_M)
-
-
-def _what_is_missing(samples: Samples) -> str:
-    lacking = {}
-    if samples.latitude_deg is None or samples.longitude_deg is None:
-        lacking["position"] = "the place (--at LAT,LON)"
-    if samples.epoch is None:
-        lacking["date"] = "the date (--date 2026-05-01)"
-    return (
-        f"true heading needs the declination, and the samples of {samples.name} have no "
-        f"{' and no '.join(lacking)} to take it from: give {' and '.join(lacking.values())}, or a "
-        "declination in the setup (0 for headings from magnetic north)"
-    )

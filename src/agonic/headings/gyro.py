@@ -15,7 +15,7 @@ from agonic.maths.rotations.low_pass import filter_both_ways
 from agonic.units import STANDARD_GRAVITY_M_S2
 
 GAP_S = 1.0
-"""A longer pause in the log starts the filter anew."""
+"""A longer pause in the log starts the filter anew, and loses the heading."""
 LONGEST_STEP_S = 0.005
 """Slower logs are interpolated to this: VQF holds a rate for the whole step up to its row."""
 SHORTEST = 10
@@ -62,7 +62,8 @@ class Stretch(NamedTuple):
 def filter_down(
     time: Array, specific_force: Array, rotation_rate: Array, settling_s: float, speed: Speed
 ) -> tuple[FilteredDown, Speed]:
-    """The direction of down by the offline filter, with what acceleration may have done to it.
+    """The direction of down by the offline filter, with what acceleration may have done to it; and
+    the speed, trusted or not.
 
     The filter runs forwards and backwards over evenly spaced rows, so readings are brought to even
     times and its result back. VQF takes the specific force at rest as up and its quaternion turns
@@ -71,13 +72,7 @@ def filter_down(
     The acceleration of turning at the speed of the log is taken out, where what the filter did not
     trust agrees with it. What is left is low-passed by the filter and trusted: the tilt is wrong
     by ⟨a⟩/g. What it did not trust, a − ⟨a⟩, is seen, and about the corner of the low-pass tells
-    how much of a went unseen (`UNSEEN`).
-
-    Parameters: time (n,) s; specific_force (n, 3), m/s², and rotation_rate (n, 3), rad/s, in body
-    axes; settling_s, the time constant of the accelerometer's pull.
-
-    Returns what was followed, and the speed, trusted or not. Raises MissingExtraError without the
-    package vqf.
+    how much of a went unseen (`UNSEEN`). settling_s is the time constant of that low-pass.
     """
     n = len(time)
     pauses = np.flatnonzero(np.diff(time) > GAP_S) + 1

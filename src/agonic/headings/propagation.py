@@ -34,16 +34,15 @@ class Step(NamedTuple):
 
 def list_steps(calibration: Calibration) -> tuple[Step, ...]:
     """The steps of a calibration, each with the root of its covariance."""
-    return tuple(Step(_known(step), _root(_known(step))) for step in steps_of(calibration))
-
-
-def _known(step: Calibration) -> Affine | Thermal | Alignment:
-    if isinstance(step, Affine | Thermal | Alignment):
-        return step
-    raise AgonicError(
-        f"a {step.kind} calibration cannot be used for a compass yet; give an affine, an "
-        "interference, one over temperature, an alignment or a chain of them"
-    )
+    steps = []
+    for step in steps_of(calibration):
+        if not isinstance(step, Affine | Thermal | Alignment):
+            raise AgonicError(
+                f"a {step.kind} calibration cannot be used for a compass yet; give an affine, an "
+                "interference, one over temperature, an alignment or a chain of them"
+            )
+        steps.append(Step(step, _root(step)))
+    return tuple(steps)
 
 
 def _root(step: Affine | Thermal | Alignment) -> Array | None:
@@ -102,7 +101,13 @@ def propagate_parts(
     found = []
     for step, given, made in zip(reversed(steps), values[-2::-1], values[:0:-1], strict=True):
         calibration, root = step
-        before = _carry_back(calibration, columns, gradient)
+        if isinstance(calibration, Thermal):  # Mᵀ g, with M what the step multiplies by
+            matrix = calibration.matrix_at(columns["temperature"])
+            before = np.einsum("nji,jn->in", matrix, gradient)
+        elif isinstance(calibration, Alignment):
+            before = calibration.rotation.as_matrix().T @ gradient
+        else:
+            before = calibration.matrix.T @ gradient
         if root is not None:
             if isinstance(calibration, Alignment):
                 row = np.cross(made.T, gradient, axis=0)  # ∂(g · R f)/∂(rotation vector) = R f × g
@@ -113,17 +118,6 @@ def propagate_parts(
             found.append(root.T @ row)
         gradient = before
     return found, gradient
-
-
-def _carry_back(
-    step: Affine | Thermal | Alignment, columns: Mapping[str, Array], gradient: Array
-) -> Array:
-    """Mᵀ g, (3, n), with M what a step multiplies by."""
-    if isinstance(step, Thermal):
-        matrix = step.matrix_at(columns["temperature"])
-        return np.asarray(np.einsum("nji,jn->in", matrix, gradient))
-    back = step.rotation.as_matrix() if isinstance(step, Alignment) else step.matrix
-    return np.asarray(back.T @ gradient)
 
 
 def _thermal_row(

@@ -99,11 +99,11 @@ class Heading(Readable):
 
     def flag_names(self) -> list[str]:
         """The flags of each row as text, joined by "+"; "" for a row to trust."""
-        names, bits = list(self.flags), np.zeros(len(self), dtype=np.intp)
+        bits = np.zeros(len(self), dtype=np.intp)
         for k, rows in enumerate(self.flags.values()):
             bits |= rows.astype(np.intp) << k
         text = {
-            int(code): "+".join(name for k, name in enumerate(names) if code >> k & 1)
-            for code in np.unique(bits)
+            code: "+".join(name for k, name in enumerate(self.flags) if code >> k & 1)
+            for code in np.unique(bits).tolist()
         }
-        return [text[int(code)] for code in bits]
+        return [text[code] for code in bits.tolist()]

@@ -184,11 +184,8 @@ def add_disturbance(
     time: Array | None,
 ) -> CompassRows:
     """The rows of a compass with the variance that disturbances seen about each row add, and with
-    the larger distance from the expected field: by each row, and by those about it.
-
-    Parameters: `compared` each row by itself; `limit` of the magnitude, a share of it; `time` (n,)
-    in seconds, or `None`.
-    """
+    the larger distance from the expected field: by each row (`compared`), and by those about it;
+    `limit` is that of the magnitude, a share of it."""
     indicated, distance = one.indicated, one.distance
     level, below = indicated.horizontal, indicated.vertical
     size = np.hypot(level, below)

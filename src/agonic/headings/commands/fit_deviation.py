@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from agonic.console.options import Between, Json, Out, Robust, SensorChoice
 from agonic.errors import AgonicError
 
 if TYPE_CHECKING:
-    from agonic.headings.deviation.document import CardDocument
     from agonic.headings.files.swing import Swing
 
 
@@ -54,7 +53,7 @@ def deviation(
     """
     import math
 
-    from agonic.console.finish import finish
+    from agonic.console.finish import finish, write_as_named
     from agonic.files.calibration import save
     from agonic.headings.deviation import fit_deviation
     from agonic.headings.deviation.document import describe_deviation
@@ -63,10 +62,12 @@ def deviation(
     if current is not None and not math.isfinite(current):
         raise AgonicError(f"--current {current} is not a current")
     read = read_swing(swing) if setup is None else _of_log(swing, setup, which, between)
+    if heel and read.heel is None:
+        raise AgonicError("--heel was asked for and the swing has no column roll_deg; add it")
     fit = fit_deviation(
         read.compass_deg,
         read.reference_deg,
-        heel=_heel(read, heel if setup is None else heel or False),
+        heel=read.heel if (setup is None if heel is None else heel) else None,
         declination_deg=_declination(read, declination),
         terms=terms,
         robust=robust,
@@ -87,7 +88,12 @@ def deviation(
         blank=read.blank,
     )
     made.to_text()  # names a step that cannot be before anything is written
-    files = [] if card is None else [_write_card(made, card)]
+    forms = {
+        ".html": made.to_html,
+        ".svg": made.to_picture,
+        ".txt": lambda: made.to_text() + "\n",
+    }
+    files = [] if card is None else [write_as_named(card, "--card", forms)]
     if out is not None and fit.verdict != "refused":
         files.append(str(save(fit.calibration, out)))
     return finish(made, files=files, as_json=as_json)
@@ -107,12 +113,6 @@ def _of_log(log: Path, setup: Path, which: SensorChoice, between: str | None) ->
     return find_swing(select_between(samples, between), compasses)
 
 
-def _heel(read: Swing, wanted: bool | None) -> Any:
-    if wanted and read.heel is None:
-        raise AgonicError("--heel was asked for and the swing has no column roll_deg; add it")
-    return None if wanted is False else read.heel
-
-
 def _declination(read: Swing, given: float | None) -> float | None:
     """The declination where the reference is true heading."""
     if read.reference == "magnetic":
@@ -129,15 +129,3 @@ def _declination(read: Swing, given: float | None) -> float | None:
             "(agonic field --at LAT,LON --date DATE prints it)"
         )
     return declination
-
-
-def _write_card(made: CardDocument, file: Path) -> str:
-    """The card in the form that its name asks for."""
-    from agonic.console.finish import write_as_named
-
-    forms = {
-        ".html": made.to_html,
-        ".svg": made.to_picture,
-        ".txt": lambda: made.to_text() + "\n",
-    }
-    return write_as_named(file, "--card", forms)

@@ -64,7 +64,14 @@ def heading(
         for compass, one in zip(chosen.compasses, samples, strict=True)
     )
     found = compute(samples, chosen, smooth=smooth)
-    assumed = _list_assumptions(chosen, recording, samples, at, date)
+    assumed = []  # what was taken for granted because nobody said otherwise
+    if at is not None and date is None and recording.sensors[0].epoch is None:
+        assumed.append("the log has no date: the declination is today's; --date gives another")
+    names = {one.name for one in recording.sensors}
+    for compass, one in zip(chosen.compasses, samples, strict=True):
+        if compass.sensor != one.name and not {compass.sensor, one.name} & {"mag"}:
+            other = "" if compass.sensor in names else ", which the log does not name"
+            assumed.append(f"{one.name} is read with the calibration of {compass.sensor}{other}")
     files = [write_headings(found, out)]
     field = correct_field(chosen.compasses[0].calibration, samples[0]) if report else None
     inputs = [
@@ -74,21 +81,6 @@ def heading(
     document = describe_headings(found, samples[0], field=field, notes=assumed, inputs=inputs)
     finish(document, files=files, report=report, as_json=as_json)
     return 0 if found.trusted.any() else 1
-
-
-def _list_assumptions(
-    setup: Setup, log: Log, samples: tuple[Samples, ...], at: str | None, date: str | None
-) -> list[str]:
-    """What was taken for granted because nobody said otherwise, in sentences."""
-    notes = []
-    if at is not None and date is None and log.sensors[0].epoch is None:
-        notes.append("the log has no date: the declination is today's; --date gives another")
-    names = {one.name for one in log.sensors}
-    for compass, one in zip(setup.compasses, samples, strict=True):
-        if compass.sensor != one.name and not {compass.sensor, one.name} & {"mag"}:
-            other = "" if compass.sensor in names else ", which the log does not name"
-            notes.append(f"{one.name} is read with the calibration of {compass.sensor}{other}")
-    return notes
 
 
 def pair_compasses(setup: Setup, log: Log, sensor: str | None) -> tuple[Setup, tuple[Samples, ...]]:

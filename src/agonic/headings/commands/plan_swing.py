@@ -29,7 +29,7 @@ def swing(
     """
     from agonic.console.finish import finish
     from agonic.headings.deviation import plan_swing
-    from agonic.headings.deviation.plan_document import describe_plan
+    from agonic.headings.deviation.document import describe_plan
     from agonic.headings.files.swing import make_form
 
     plan = plan_swing(headings, heel_deg=heel, noise_deg=noise_deg, terms=terms, rounds=rounds)

@@ -1,4 +1,5 @@
-"""What is said and shown of a deviation fit: its card, as a page and as text, and its numbers."""
+"""What is said and shown of a deviation fit, its card as a page and as text, its numbers; and of
+the plan of a swing."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from agonic.calibration.deviation import PARAMETERS, Deviation
+from agonic.calibration.deviation import PARAMETERS, Deviation, name_heading
 from agonic.errors import check_choice
 from agonic.headings.deviation.card import (
     WITHOUT_STATE,
@@ -22,6 +23,7 @@ from agonic.headings.deviation.card import (
 )
 from agonic.headings.deviation.figures import NARROW, draw_chart, draw_picture
 from agonic.headings.deviation.fit import DeviationFit
+from agonic.headings.deviation.plan import SwingPlan
 from agonic.health import figure
 from agonic.readable import make_record
 from agonic.report import tables
@@ -29,6 +31,7 @@ from agonic.report.blocks import header
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.page_file import assemble_page, read_static
+from agonic.report.section import Section, Table
 
 Paper = Literal["A4", "A5"]
 
@@ -256,3 +259,43 @@ def _values(fit: DeviationFit) -> dict[str, Any]:
         "largest_gap_deg": card.largest_gap_deg,
         "equation": card.equation,
     }
+
+
+def describe_plan(plan: SwingPlan) -> Document:
+    """The headings to steer, and to which side, and what they will tell.
+
+    >>> from agonic.headings.deviation import plan_swing
+    >>> print("\\n".join(describe_plan(plan_swing(8)).to_text().splitlines()[-3:]))
+      D        0.500°
+      E        0.500°
+      heading  0.791° corrected with the card, level
+    """
+    sd = {name: s for name, s in zip(PARAMETERS, plan.sd.tolist(), strict=True) if s > 0.0}
+    steered, heeled = plan.closed, bool(plan.roll_deg.any())
+    steps = [
+        [str(k), name_heading(float(compass)), *([f"{roll:+g}°"] if heeled else []), ""]
+        for k, (compass, roll) in enumerate(zip(*steered, strict=True), start=1)
+    ]
+    head = ["", "Compass", *(["Roll"] if heeled else []), "Magnetic, by the better source"]
+    expected = {
+        name.replace("_", " "): f"{error:.3f}{'° per °' if '_' in name else '°'}"
+        for name, error in sd.items()
+    }
+    expected["heading"] = f"{plan.heading_sd_deg:.3f}° corrected with the card, level"
+    return Document(
+        schema="agonic/plan-swing@1",
+        kind="Plan of a swing",
+        name="Deviation of a compass",
+        status="Steer in this order, hold each until the compass is at rest "
+        f"({plan.noise_deg:g}° a reading); the first comes again at the end, where a reference "
+        "that drifts shows. Fill in the form, then: agonic fit deviation FORM.",
+        sections=[
+            Section("", [Table(head, steps, "form")], printed=True),
+            Section("Standard errors to expect", [expected], printed=True),
+        ],
+        values={
+            **make_record(plan),
+            "roll_deg": plan.roll_deg if heeled else None,
+            "sd": sd,
+        },
+    )

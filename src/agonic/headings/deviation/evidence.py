@@ -37,8 +37,6 @@ ALIKE_DEG = 1e-6
 ZERO_DEG = 0.5  # rms of a deviation that sights by hand do not tell from none
 ZERO_LIKELY = 0.05
 
-_CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
@@ -154,7 +152,7 @@ def _heel(evidence: Evidence) -> Finding | None:
 
 def _uncertain(evidence: Evidence) -> Finding | None:
     """A curve whose standard error is large, whatever the reason."""
-    sd = float(np.sqrt(np.mean(evidence.card.sd_at(_CIRCLE_DEG) ** 2)))
+    sd = float(np.sqrt(np.mean(evidence.card.sd_at(swing_plan.CIRCLE_DEG) ** 2)))
     if sd < CURVE_DOUBTFUL_DEG:
         return None
     length = evidence.solved.correlation

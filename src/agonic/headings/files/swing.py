@@ -51,6 +51,7 @@ REMARKS = {
 }
 """What the remark lines of a form ask for."""
 
+_REFERENCES = ("magnetic", "true", "deviation")
 _COLUMN_OF = {alias: name for name, aliases in ALIASES.items() for alias in aliases.split()}
 _POINT_DEG = {point: 22.5 * k for k, point in enumerate(POINTS)}
 _NUMBER = re.compile(r"[-+−]?\d+(?:\.\d*)?|[-+−]?\.\d+")
@@ -118,21 +119,34 @@ def read_swing(path: Path | str) -> Swing:
     """
     path = Path(path)
     lines = read_text(path).splitlines()
-    numbered = [
-        (k, line)
-        for k, line in enumerate(lines, start=1)
-        if line.strip() and line.strip()[0] != "#"
-    ]
-    if len(numbered) < 2:
+    kept = [(k, line) for k, line in enumerate(lines, start=1) if line.strip()[:1] not in ("", "#")]
+    if len(kept) < 2:
         raise LogError("a swing is a header and a row for each heading", path=path)
-    separator = next((s for s in (";", "\t", ",") if s in numbered[0][1]), ",")
+    separator = next((s for s in (";", "\t", ",") if s in kept[0][1]), ",")
     table = [  # each line on its own: an open quote must not take the next one
         (number, [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])])
-        for number, line in numbered
+        for number, line in kept
     ]
     columns = _columns(table[0][1], path)
     values = {name: _values(table[1:], at, name, separator, path) for name, at in columns.items()}
-    return _swing(values, path, _remarks(lines))
+    compass = values["compass"]
+    name = next(n for n in _REFERENCES if n in values)
+    reference = values[name] if name != "deviation" else compass + values[name]
+    filled = np.isfinite(compass) & np.isfinite(reference)
+    if not filled.any():
+        raise LogError(f"no row has both compass and {name}; fill in the form", path=path)
+    tilt = {n: values[n][filled] for n in ("roll", "pitch") if n in values}
+    noted = {n: v for n, v in tilt.items() if np.isfinite(v).any()}
+    return Swing(
+        compass_deg=compass[filled],
+        reference_deg=reference[filled],
+        reference="true" if name == "true" else "magnetic",
+        roll_deg=noted.get("roll"),
+        pitch_deg=noted.get("pitch"),
+        blank=int((~filled).sum()),
+        remarks=_remarks(lines),
+        source=Input(name=path.name, sha256=hash_file(path), count=int(filled.sum())),
+    )
 
 
 def make_form(compass_deg: ArrayLike, *, roll_deg: ArrayLike | None = None) -> str:
@@ -166,7 +180,7 @@ def _columns(header: Sequence[str], path: Path) -> dict[str, int]:
             raise LogError(f"two columns could be the {column} heading; rename one", path=path)
         if column is not None:
             found[column] = at
-    references = [name for name in ("magnetic", "true", "deviation") if name in found]
+    references = [name for name in _REFERENCES if name in found]
     if "compass" not in found or not references:
         raise LogError(
             f"the columns are {', '.join(header)}; a swing needs compass_deg and one of "
@@ -238,25 +252,3 @@ def _remarks(lines: Sequence[str]) -> dict[str, str]:
         if line.startswith("#") and colon and known:
             said[known] = text.strip().rstrip(",;").removeprefix(f"({REMARKS[known]})").strip()
     return {name: text for name, text in said.items() if text}
-
-
-def _swing(values: Mapping[str, Array], path: Path, remarks: Mapping[str, str]) -> Swing:
-    """The rows that are filled in."""
-    compass = values["compass"]
-    name = next(n for n in ("magnetic", "true", "deviation") if n in values)
-    reference = values[name] if name != "deviation" else compass + values[name]
-    filled = np.isfinite(compass) & np.isfinite(reference)
-    if not filled.any():
-        raise LogError(f"no row has both compass and {name}; fill in the form", path=path)
-    tilt = {n: values[n][filled] for n in ("roll", "pitch") if n in values}
-    noted = {n: v for n, v in tilt.items() if np.isfinite(v).any()}
-    return Swing(
-        compass_deg=compass[filled],
-        reference_deg=reference[filled],
-        reference="true" if name == "true" else "magnetic",
-        roll_deg=noted.get("roll"),
-        pitch_deg=noted.get("pitch"),
-        blank=int((~filled).sum()),
-        remarks=remarks,
-        source=Input(name=path.name, sha256=hash_file(path), count=int(filled.sum())),
-    )

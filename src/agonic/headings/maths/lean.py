@@ -17,11 +17,11 @@ from agonic.arrays import Array, Mask
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_length
 
 CLIP = 3.0
-"""Residuals further out than so many robust standard deviations count as these."""
+"""Residuals further out than so many robust sds count as these: a magnet is no tilt."""
 OFFSET_SD = float(np.radians(0.5))
 """Of the dip that is expected, rad: a world model does not know what is in the ground."""
 FEWEST = 30
-"""Moments that tell a lean, at least."""
+"""Moments or rows that tell a lean, or a scatter, at least."""
 ALIKE_S = 5.0
 """Errors of the tilt within it count as one, at least."""
 SURE = 6.6
@@ -36,12 +36,10 @@ def find_lean_covariance(
 
     The likeliest lean is counted, not undone: what follows the heading by itself looks the same.
 
-    Parameters: time (N,), s; dip less expected (N,), rad; what a lean adds to the north of the
-    vertical (N, 3); the `good` moments; rad, what is known of the lean beforehand, and what errors
-    of the calibration add to the dip, which may look the same on all headings.
-
-    Returns the variance of `sd` where the dip does not surely show more. It stays beside what is
-    found: no number of rows makes an error that lasts smaller.
+    `residual` (N,) is the dip less the expected one, `north` (N, 3) what a lean adds to the north
+    of the vertical; `sd`, rad, is known of the lean beforehand, and stays beside what is found: no
+    number of rows makes an error that lasts smaller. Errors of the calibration add `other_sd` to
+    the dip, rad, which may look the same on all headings.
     """
     unknown = sd**2 * np.eye(3)
     if good.sum() < FEWEST:
@@ -71,12 +69,10 @@ def find_lean_covariance(
         mean = covariance @ right
         size = max(float(np.sqrt((mean @ mean + np.trace(covariance)) / 3.0)), sd)
     lasting = (covariance + covariance.T) / 2 + np.outer(mean, mean) + unknown
-    gained = _compute_gain(told, right, size) - _compute_gain(told, right, sd)
-    return np.asarray(lasting) if gained > SURE else unknown
 
+    def score(size: float) -> float:
+        """Twice the logarithm of the marginal likelihood of leans of such a size over none."""
+        spread = float(np.linalg.slogdet(np.eye(3) + size**2 * told)[1])
+        return float(right @ np.linalg.solve(told + np.eye(3) / size**2, right)) - spread
 
-def _compute_gain(told: Array, right: Array, size: float) -> float:
-    """Twice the logarithm of the marginal likelihood of leans of such a size over that of none."""
-    normal = told + np.eye(3) / size**2
-    spread = float(np.linalg.slogdet(np.eye(3) + size**2 * told)[1])
-    return float(right @ np.linalg.solve(normal, right)) - spread
+    return np.asarray(lasting) if score(size) - score(sd) > SURE else unknown

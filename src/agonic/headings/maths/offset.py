@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Array, Mask
 from agonic.headings.maths.rest import NO_REST, Rest
 from agonic.maths.estimation.filters.block_tridiagonal import invert
 from agonic.maths.estimation.filters.smoother import Sums, eliminate, sum_residuals
@@ -109,28 +109,6 @@ class Solution(NamedTuple):
     covariance: Array
 
 
-class State(NamedTuple):
-    """Numbers of the state that go on alike: which, the share (N − 1,) of them that is kept from a
-    moment to the next, the weights (N − 1,) of what comes new, and that of the first moment."""
-
-    numbers: Index
-    kept: Array
-    weight: Array
-    first: float
-
-
-def list_states(seen: Observed, sizes: Sizes) -> tuple[State, ...]:
-    """How the gyro's bias and what disturbs the compass go on by themselves."""
-    span = np.maximum(np.diff(seen.time), 1e-9)
-    kept = np.where(seen.joined, np.exp(-span / sizes.field_s), 0.0)
-    fresh = 1.0 / np.maximum(1.0 - kept**2, 1e-9)
-    drift = 1.0 / (BIAS_WALK**2 * span)
-    return (
-        State(np.array([_FIELD]), kept, fresh, 1.0),
-        State(_BIAS, np.ones(len(span)), drift, seen.bias_sd**-2),
-    )
-
-
 def assemble(seen: Observed, sizes: Sizes, weights: Array) -> System:
     """The equations; `weights` (N,) of the compass."""
     n, p = seen.by_shared.shape
@@ -152,14 +130,17 @@ def assemble(seen: Observed, sizes: Sizes, weights: Array) -> System:
     total.diagonal[at[:, None], _BIAS, _BIAS] += precision
     total.before[at[:, None], _BIAS] -= precision * read
     constant += (precision * read**2).sum()
-    states = list_states(seen, sizes)
-    for state in states:
-        number, fresh = state.numbers, state.weight[:, None]
-        total.diagonal[0, number, number] += state.first
-        total.diagonal[:-1, number, number] += state.kept[:, None] ** 2 * fresh
-        total.diagonal[1:, number, number] += fresh
-        total.below[:, number, number] -= state.kept[:, None] * fresh
-    constant -= np.log(states[0].weight).sum()  # of the sizes; the bias's drift is known
+    # what disturbs the compass and the gyro's bias go on by themselves: the share that is kept from
+    # a moment to the next, the weight of what comes new, and that of the first moment
+    kept = np.where(seen.joined, np.exp(-span / sizes.field_s), 0.0)[:, None]
+    fresh, drift = 1.0 / np.maximum(1.0 - kept**2, 1e-9), 1.0 / (BIAS_WALK**2 * span)[:, None]
+    own = ((np.array([_FIELD]), kept, fresh, 1.0), (_BIAS, 1.0, drift, seen.bias_sd**-2))
+    for number, share, weight_of_new, first in own:
+        total.diagonal[0, number, number] += first
+        total.diagonal[:-1, number, number] += share**2 * weight_of_new
+        total.diagonal[1:, number, number] += weight_of_new
+        total.below[:, number, number] -= share * weight_of_new
+    constant -= np.log(fresh).sum()  # of the sizes; the bias's drift is known
     return System(total, float(constant), seen.found)
 
 

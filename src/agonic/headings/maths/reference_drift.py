@@ -42,10 +42,7 @@ def average_over_drift(
 
     with s² = eᵀR⁻¹e/(n − k), or exp(−eᵀR⁻¹e/(2 s²)) in place of the last factor where the noise s
     of a reading is known. By it the covariances H s²R Hᵀ, H = (XᵀX)⁻¹Xᵀ, of all r are averaged
-    (Hoeting et al. 1999).
-
-    Parameters: rows X (n, k) and residuals (n,) in the order they were taken, the covariance
-    (k, k) without drift, and the noise where it is known.
+    (Hoeting et al. 1999). Rows X (n, k) and residuals are in the order they were taken.
 
     >>> turn = np.radians(np.arange(0.0, 360.0, 30.0))
     >>> rows = np.column_stack([np.ones(12), np.sin(turn), np.cos(turn)])

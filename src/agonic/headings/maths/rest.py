@@ -70,12 +70,8 @@ def find_still(time: Array, rate: Array, force: Array) -> Mask:
 
 
 def find_rest(time: Array, rate: Array, still: Mask, compass: Array, noise: Array) -> Rest:
-    """Where N moments are at rest, and what the rates read.
-
-    Parameters: time (N,); the mean `rate` (N, 3) less what is known of its bias, rad/s; whether all
-    rows of a moment are `still`; what the compass tells, rad, and the variance of its noise (N,),
-    infinite where it tells nothing.
-    """
+    """Where N moments are at rest, and what the rates (N, 3), less what is known of their bias,
+    read; `noise` is the variance of the compass, rad², infinite where it tells nothing."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))
     found = []
     for start, stop in edges.reshape(-1, 2):
@@ -85,7 +81,14 @@ def find_rest(time: Array, rate: Array, still: Mask, compass: Array, noise: Arra
         bias = rate[span].mean(axis=0)
         if lasted < SHORTEST_S or np.abs(bias).max() > LARGEST_RATE or told.sum() < FEWEST:
             continue
-        turn, turn_sd = _fit_turn(time[span][told], compass[span][told])
+        when, angle = time[span][told], compass[span][told]
+        when = when - when.mean()
+        square = float(when @ when)
+        turn = float(when @ angle) / square  # rad/s
+        left = angle - angle.mean() - turn * when
+        # neighbouring errors are alike: a second's count as one
+        alike = max(1.0 / max(float(np.median(np.diff(when))), 1e-9), 1.0)
+        turn_sd = float(np.sqrt(left @ left / max(len(when) - 2, 1) * alike / square))
         if abs(turn) > TURNS * turn_sd:
             continue
         # halves of it tell the noise, and a bias that drifts
@@ -99,14 +102,3 @@ def find_rest(time: Array, rate: Array, still: Mask, compass: Array, noise: Arra
         return NO_REST
     at, biases, variances = zip(*found, strict=True)
     return Rest(np.array(at, dtype=np.intp), np.stack(biases), np.array(variances))
-
-
-def _fit_turn(time: Array, compass: Array) -> tuple[float, float]:
-    """By how much a compass (k,), rad, turns, rad/s, and the standard error of that."""
-    at = time - time.mean()
-    square = float(at @ at)
-    slope = float(at @ compass) / square
-    left = compass - compass.mean() - slope * at
-    # neighbouring errors are alike: a second's count as one
-    alike = max(1.0 / max(float(np.median(np.diff(time))), 1e-9), 1.0)
-    return slope, float(np.sqrt(left @ left / max(len(time) - 2, 1) * alike / square))

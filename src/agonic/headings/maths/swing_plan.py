@@ -9,7 +9,7 @@ from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.deviation import ROSE_DEG, basis
 
 CELL_DEG = 5.0
-_CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
+CIRCLE_DEG = np.arange(0.0, 360.0, 2.0)
 
 
 def find_visited(compass_deg: Array) -> Array:
@@ -31,7 +31,7 @@ def compute_largest_gap_deg(headings_deg: Array) -> float:
     return float(np.diff(np.append(ordered, ordered[0] + 360.0)).max())
 
 
-def compute_unit_sd(headings_deg: Array, chosen: Mask, at_deg: Array = _CIRCLE_DEG) -> Array:
+def compute_unit_sd(headings_deg: Array, chosen: Mask, at_deg: Array = CIRCLE_DEG) -> Array:
     """Standard error of the level curve over that of one reading, were each heading read once.
 
     Infinite where the headings leave a term open. `chosen` (5,) marks the level terms.

@@ -11,23 +11,27 @@ from agonic.calibration.monitoring import (
     BOTH,
     DIMENSIONS,
     KEPT,
+    LASTING,
     LENGTHS,
     NOISE_MEMORY,
     ODDS,
     PASSING,
     QUIET,
+    TAILS,
     MonitorParams,
 )
 from agonic.headings.monitor.baseline import (
     Block,
+    Q,
+    R,
     S,
     State,
+    V,
     describe,
     learn,
     measure,
     solve,
 )
-from agonic.headings.monitor.isolate import weigh
 
 
 class Seen(NamedTuple):
@@ -52,7 +56,12 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
     """
     residual, regressor = describe(block, state.level, params)
     covariance, known = solve(state, params)
-    disturbed = _is_disturbed(state, block, regressor, covariance, known)
+    # both magnetometers feel a field that is not the place's
+    x = regressor[..., S, :]
+    off = block.strength - (x * known[..., S, :, 0]).sum(axis=-1)[..., None]
+    variance = state.power[..., S, 0] / state.weight[..., S]
+    variance = variance + np.einsum("...i,...ij,...j->...", x, covariance[..., S, :, :], x)
+    disturbed = np.asarray((off**2).min(axis=-1) > BOTH**2 * variance)
     sound = ~(disturbed[..., None] & np.array([True, False, True, True]))[..., None]
     calm = np.asarray(~(state.since > 0).any(axis=-1))
     state = learn(state, known, calm & (state.filled == KEPT))
@@ -67,23 +76,11 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
     count = np.einsum("...gk,...kg->...g", within, state.regressor[..., :2, 0])
     change = np.einsum("...gk,...kgd->...gd", within, errors[..., :2, :])
     change = change / np.maximum(count, 1.0)[..., None]
-    odds = weigh(params.field, state, covariance, errors, change, within)
+    odds = _weigh(params.field, state, covariance, errors, change, within)
     sure = (np.abs(odds) >= np.log(ODDS)) & (state.since > 0) & (state.named == 0)
     named = np.where(sure, np.where(odds > 0, 1, 2), state.named)
     sd = np.sqrt(own[..., :2, 1])
     return state._replace(named=named), Seen(share, change, sd, began, began_sd, odds)
-
-
-def _is_disturbed(
-    state: State, block: Block, regressor: Array, covariance: Array, known: Array
-) -> Mask:
-    """Whether both magnetometers feel a field that is not the place's."""
-    x = regressor[..., S, :]
-    expected = (x * known[..., S, :, 0]).sum(axis=-1)
-    off = block.strength - expected[..., None]
-    variance = state.power[..., S, 0] / state.weight[..., S]
-    variance = variance + np.einsum("...i,...ij,...j->...", x, covariance[..., S, :, :], x)
-    return np.asarray((off**2).min(axis=-1) > BOTH**2 * variance)
 
 
 def _push(state: State, residual: Array, regressor: Array) -> State:
@@ -166,3 +163,56 @@ def _judge(state: State, errors: Array, share: Array) -> tuple[State, Array, Arr
     since = np.where(begins, np.rint(began).astype(np.intp), np.where(ends, 0, state.since))
     named = np.where(ends | begins, 0, state.named)
     return state._replace(since=since, named=named), began, np.sqrt(spread + 1 / 12)
+
+
+def _weigh(
+    size: float, state: State, covariance: Array, errors: Array, change: Array, within: Mask
+) -> Array:
+    """Log odds (…, 2) that compass 1 changed and not 2, of r and q.
+
+    A change β of r = f₁ − f₂ moves the mean of both magnitudes by ½ f̂·β where compass 1 changed,
+    and by −½ f̂·β where 2 did; that of both vertical intensities, less what such magnitudes explain,
+    by ±½ (down − f̂ sin dip)·β. One ε of q = down₁ − down₂ moves it by ±½ f·ε. With e what a
+    block's residual does not share with the one before, eₖ − ρ eₖ₋₁, a the same of the signature,
+    and w the variance:
+
+        log odds = Σ (ν + 1)/2 · log[(1 + (e + a)²/νw) / (1 + (e − a)²/νw)]
+
+    Parameters: size of the field, errors (…, k, 4, 3) of the last blocks, changes (…, 2, 3) of r
+    and q, and which blocks are within (…, 2, k) the changes.
+    """
+    field, down = state.regressor[..., S, 1:], state.regressor[..., Q, 1:]
+    sine = (field * down).sum(axis=-1, keepdims=True)
+    level, across = (field - sine * down) * size, down - sine * field
+    of_field, of_tilt = change[..., None, 0, :], change[..., None, 1, :]
+    leaning = (down[..., :2] * of_tilt[..., :2]).sum(axis=-1)
+    fallen = -leaning / np.maximum(down[..., 2], 0.1)
+    by_tilt = (level[..., :2] * of_tilt[..., :2]).sum(axis=-1) + level[..., 2] * fallen
+    signatures = (
+        (R, S, (field * of_field).sum(axis=-1)),
+        (R, V, (across * of_field).sum(axis=-1)),
+        (Q, V, by_tilt),
+    )
+    odds = np.zeros(change.shape[:-1])
+    for cause, group, signature in signatures:
+        moved = np.where(within[..., cause, :], signature / 2, 0.0)
+        odds[..., cause] += _compare(state, covariance, errors, group, moved)
+    return odds
+
+
+def _compare(state: State, covariance: Array, errors: Array, group: int, moved: Array) -> Array:
+    """The log odds (…,) by one group of common residuals, of signatures (…, k) of a change."""
+    there = state.regressor[..., group, 0] > 0.0
+    after = there[..., 1:] & there[..., :-1]
+    power, following = np.moveaxis(state.power[..., group, :], -1, 0)
+    usual = power / state.weight[..., group]
+    # ρ, how much of a block's residual is that of the block before
+    kept = np.where(after, np.clip(following / power, 0.0, LASTING)[..., None], 0.0)
+    told = moved[..., 1:] - kept * moved[..., :-1]
+    error = errors[..., 1:, group, 0] - kept * errors[..., :-1, group, 0]
+    x = state.regressor[..., group, :]
+    x = x[..., 1:, :] - kept[..., None] * x[..., :-1, :]
+    unknown = np.einsum("...ki,...ij,...kj->...k", x, covariance[..., group, :, :], x)
+    wide = TAILS * ((1.0 - kept**2) * usual[..., None] + unknown)
+    odds = np.log1p((error + told) ** 2 / wide) - np.log1p((error - told) ** 2 / wide)
+    return np.asarray((TAILS + 1.0) / 2.0 * np.where(there[..., 1:], odds, 0.0).sum(axis=-1))

@@ -57,9 +57,8 @@ def watch_compasses(
 ) -> Watch:
     """Go on watching two compasses; rows in any pieces give the same as all at once.
 
-    Parameters: `rows`, whose strength and vertical intensity to expect are nT; `params` of
-    `derive_monitor_params`; `before`, what the last call returned, `None` at first; the `names` of
-    the compasses. Returns a `Watch` with all `faults` so far, those that last included.
+    Parameters: `rows`; `params` of `derive_monitor_params`; `before`, what the last call returned,
+    `None` at first; the `names` of the compasses. Returns a `Watch` with all `faults` so far.
 
     Source: A. S. Willsky, H. L. Jones (1976), A generalized likelihood ratio approach to the
     detection and estimation of jumps in linear systems, IEEE Transactions on Automatic Control
@@ -133,15 +132,21 @@ def _tell(
     sd = float(seen.sd[group])
     if UNITS[group] == "inclinometer":  # down moves right by a roll, back by a pitch
         change, sd = np.degrees([change[1], -change[0], 0.0]), float(np.degrees(sd))
-    known = before is not None and before.named_s is not None
+    named_s = end_s if which >= 0 else None
+    if before is not None:
+        named_s = named_s if before.named_s is None else before.named_s
+        began_s, began_sd_s, seen_s = before.began_s, before.began_sd_s, before.seen_s
+    else:
+        began_s, seen_s = end_s - BLOCK_S * float(seen.began[group]), end_s
+        began_sd_s = BLOCK_S * float(seen.began_sd[group])
     return CompassFault(
         unit=UNITS[group],
         sensor=names[which] if which >= 0 else None,
         use=names[1 - which] if which >= 0 else None,
-        began_s=end_s - BLOCK_S * float(seen.began[group]) if before is None else before.began_s,
-        began_sd_s=BLOCK_S * float(seen.began_sd[group]) if before is None else before.began_sd_s,
-        seen_s=end_s if before is None else before.seen_s,
-        named_s=before.named_s if known and before else (end_s if which >= 0 else None),
+        began_s=began_s,
+        began_sd_s=began_sd_s,
+        seen_s=seen_s,
+        named_s=named_s,
         ended_s=None,
         change=np.asarray(change),
         sd=sd,

@@ -85,9 +85,8 @@ def find_sensor_lean(
 ) -> Array:
     """The covariance (3, 3) of the lean of the tilt's sensor in body axes, by the dip, rad².
 
-    Parameters: what errors of the calibration add to the compass (N, k); `lean` (N, 3, 3) by
-    `follow_axes`; the compass's `variance` (N,), infinite where it tells nothing; level and
-    vertical `parts` of the field (n,).
+    `columns` (N, k) are what errors of the calibration add to the compass, whose `variance` (N,) is
+    infinite where it tells nothing; `parts` the level and the vertical one of the field (n,).
     """
     rows = moments.rows[moments.middle]
     level, below = (part[rows] for part in parts)

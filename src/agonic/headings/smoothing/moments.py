@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Index, Mask
-from agonic.headings.gyro import LONGEST_STEP_S
+from agonic.headings.gyro import GAP_S, LONGEST_STEP_S
 from agonic.headings.maths.gyro_heading import GyroHeading, carry_heading
 from agonic.maths.one_pass import interpolate
 
@@ -18,8 +18,6 @@ MOST = 20_000
 """Moments of a log."""
 FEWEST = 50
 """Moments without which nothing is smoothed."""
-GAP_S = 1.0
-"""After a longer pause in the log the gyro has lost the heading."""
 
 
 class Moments(NamedTuple):

@@ -25,6 +25,8 @@ BETTER = 0.8
 """The tilt by rates without the bias that was found is taken where its sd falls to this share."""
 CORRECTIONS = 2
 """Times that the tilt is found anew."""
+UNUSED = "the gyro is not used"
+_TOO_LITTLE = f"{UNUSED}: too few readings are undisturbed"
 _IN_MOTION = ("gyro", "log")
 """Sources of tilt that follow a vehicle in motion."""
 
@@ -45,7 +47,7 @@ def smooth_rows(
         return by_row, None, ()
     if by_row.tilt.source not in _IN_MOTION:
         why = f"tilt from the {by_row.tilt.source} does not follow the motion"
-        return by_row, None, (_explain_kept(why),)
+        return by_row, None, (f"{UNUSED}: {why}",)
     turn = find_rate_mounting(first, setup, by_row.compasses[0].compass.calibration)
     own = first
     for _ in range(CORRECTIONS if by_row.tilt.source == "gyro" else 0):
@@ -66,15 +68,8 @@ def smooth_rows(
     sd = float(np.median(np.sqrt(smoothed.variance[rows])))
     by_itself = f"{figure(alone)}° each row by itself"
     if sd > alone:
-        return by_row, None, (_explain_kept(f"standard error {figure(sd)}° with it, {by_itself}"),)
+        return by_row, None, (f"{UNUSED}: standard error {figure(sd)}° with it, {by_itself}",)
     return by_row, smoothed, (f"{SMOOTHED}: standard error {figure(sd)}°, {by_itself}",)
-
-
-def _explain_kept(why: str) -> str:
-    return f"the gyro is not used: {why}"
-
-
-_TOO_LITTLE = _explain_kept("too few readings are undisturbed")
 
 
 def bridge(flags: Mapping[str, Mask], sd_deg: Array) -> tuple[Mapping[str, Mask], tuple[str, ...]]:

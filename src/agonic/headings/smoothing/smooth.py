@@ -96,9 +96,8 @@ def smooth_headings(
 ) -> SmoothedHeading | None:
     """The headings by compass and gyro together, or `None` where there is too little of them.
 
-    Parameters: time (n,); `rate` (n, 3), rad/s in body axes; `force` (n, 3), m/s², which tells with
-    the rates where the log is at rest; what each row says by itself; `settling_s` of the filter
-    that the tilt is from, 0 where it is from none; `sizes` where they are not to be found.
+    Rates (n, 3), rad/s in body axes, and `force` tell where the log is at rest; `settling_s` is
+    that of the filter that the tilt is from, 0 where it is from none; `sizes` are found if `None`.
     """
     n, attitude = len(time), by_row.tilt
     level = np.broadcast_to(level_axes(attitude.tilt, attitude.order), (n, 3, 3))

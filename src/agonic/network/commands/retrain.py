@@ -116,7 +116,9 @@ def _start_retrainer(
     """A retrainer before its first reading, from the options."""
     from typing import cast
 
-    from agonic.calibration.retraining import RetrainerParams
+    import numpy as np
+
+    from agonic.calibration.retraining import LEAST, RetrainerParams
     from agonic.files.calibration import load
     from agonic.network.commands.fit_network import _target
     from agonic.network.retraining import Retrainer
@@ -126,20 +128,12 @@ def _start_retrainer(
     for name, (unit, length) in spans.items():
         settings[f"{name}_{unit}"] = length if unit == "s" else int(length)
     if "window_s" in settings:
-        settings["window_n"] = _rows_in(samples, settings["window_s"])
+        # twice the readings that it holds at the log's usual rate: gaps and bursts have room
+        settings["window_n"] = LEAST
+        if samples.time is not None and len(samples) > 1:
+            step = float(np.median(np.diff(samples.time)))
+            settings["window_n"] = max(int(2 * settings["window_s"] / step) + 1, LEAST)
     for name, parse in (("inputs", parse_names), ("hidden", parse_nodes), ("alarm", float)):
         if given[name] is not None:
             settings[name] = parse(given[name])
     return Retrainer(calibration, RetrainerParams(**settings))
-
-
-def _rows_in(samples: Samples, seconds: float) -> int:
-    """Twice the readings that a span holds at the log's usual rate: gaps and bursts have room."""
-    import numpy as np
-
-    from agonic.calibration.retraining import LEAST
-
-    if samples.time is None or len(samples) < 2:
-        return LEAST
-    step = float(np.median(np.diff(samples.time)))
-    return max(int(2 * seconds / step) + 1, LEAST)

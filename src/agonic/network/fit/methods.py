@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -162,13 +163,10 @@ def _list_trainers(epochs: int) -> dict[str, Trainer]:
         found = levenberg_marquardt.train(rows, start, stopping="plain")
         return Descent(found.weights, np.array([epoch.mean_square for epoch in found.epochs]))
 
-    def descent(adaptive: bool) -> Trainer:
-        return lambda rows, start: descend(rows, start, epochs=epochs, adaptive=adaptive)
-
     return {
         "Levenberg–Marquardt": marquardt,
-        "gradient descent with momentum": descent(False),
-        "the same, adaptive rate": descent(True),
+        "gradient descent with momentum": partial(descend, epochs=epochs),
+        "the same, adaptive rate": partial(descend, epochs=epochs, adaptive=True),
     }
 
 

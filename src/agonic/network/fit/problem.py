@@ -129,8 +129,20 @@ def pose_problem(samples: Samples, reference: Reference, settings: Settings) -> 
     ends_in = samples.frame if base is None else base.frame_out
     wanted, frame_out = find_known_field(samples, reference, settings.target, ends_in)
     ends = Ends(samples.name, samples.unit, samples.frame, frame_out, samples.device_id)
-    if base is not None:
-        _require_meeting(base, ends)
+    if base is not None:  # it corrects these readings into these axes
+        if (base.unit_in, base.frame_in) != (ends.unit_in, ends.frame_in):
+            raise FrameError(
+                f"the base corrects readings in {base.unit_in}, axes {base.frame_in}; these are "
+                f"in {ends.unit_in}",
+                left=base.frame_in,
+                right=ends.frame_in,
+            )
+        if base.frame_out != ends.frame_out:
+            raise FrameError(
+                "the base and the known field must be in the same axes",
+                left=base.frame_out,
+                right=ends.frame_out,
+            )
     rows = find_usable_rows(samples.field)
     if samples.flagged is not None:
         rows &= samples.flagged == 0
@@ -178,17 +190,11 @@ def compute_errors(field: Array, wanted: Array) -> Array:
 def find_known_field(
     samples: Samples, reference: Reference, target: Target, frame: str
 ) -> tuple[Array, str]:
-    """The field (n, 3) or magnitude (n, 1) known at each reading, and its axes; `frame` are those
-    that a magnitude leaves as they are."""
-    if target == "vector":
-        return find_vectors(samples, reference)
+    """The field (n, 3) or magnitude (n, 1) known at each reading, and its axes: fixed to sensor or
+    body, or `frame`, those that a magnitude leaves as they are."""
     n = len(samples)
-    return np.array(np.broadcast_to(reference.magnitudes(n), n))[:, None], frame
-
-
-def find_vectors(samples: Samples, reference: Reference) -> tuple[Array, str]:
-    """The known field in axes fixed to the sensor or the body (n, 3), and their letter."""
-    n = len(samples)
+    if target == "magnitude":
+        return np.array(np.broadcast_to(reference.magnitudes(n), n))[:, None], frame
     if reference.kind != "vector":
         raise AgonicError(
             f'the reference is a {reference.kind} and target="vector" needs its components: give '
@@ -206,31 +212,13 @@ def find_vectors(samples: Samples, reference: Reference) -> tuple[Array, str]:
             left=str(reference.frame),
             right="m",
         )
-    angles = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
-    known = [values for values in angles if values is not None]
-    if len(known) < 3:
+    roll, pitch, heading = samples.roll_deg, samples.pitch_deg, samples.heading_deg
+    if roll is None or pitch is None or heading is None:
         raise LogError(
             f"{samples.name}: a field north-east-down needs roll, pitch and heading beside the "
             'readings; give the field in sensor axes, or train with target="magnitude"'
         )
-    return np.einsum("nji,nj->ni", rot_nb(known[0], known[1], known[2]), values), "b"
-
-
-def _require_meeting(base: Affine | Thermal, ends: Ends) -> None:
-    """The base that was given corrects these readings into these axes."""
-    if (base.unit_in, base.frame_in) != (ends.unit_in, ends.frame_in):
-        raise FrameError(
-            f"the base corrects readings in {base.unit_in}, axes {base.frame_in}; these are in "
-            f"{ends.unit_in}",
-            left=base.frame_in,
-            right=ends.frame_in,
-        )
-    if base.frame_out != ends.frame_out:
-        raise FrameError(
-            "the base and the known field must be in the same axes",
-            left=base.frame_out,
-            right=ends.frame_out,
-        )
+    return np.einsum("nji,nj->ni", rot_nb(roll, pitch, heading), values), "b"
 
 
 def _require_enough(rows: Mask, inputs: Array, settings: Settings) -> None:

@@ -66,10 +66,7 @@ class Comparison:
         if self.base is None:
             return float("nan")
         better = (self.base.values**2 - self.network.values**2).mean(axis=1)
-        gained = [
-            float(np.mean(better[own]))
-            for own in (self.block == number for number in np.unique(self.block))
-        ]
+        gained = [float(better[self.block == number].mean()) for number in np.unique(self.block)]
         spread = float(np.std(gained, ddof=1)) / np.sqrt(len(gained)) if len(gained) > 1 else np.inf
         return float(np.mean(gained)) / max(spread, 1e-300)
 

@@ -96,28 +96,26 @@ def choose_network(
     if settings.get("start") is not None or settings.get("compared") is False:
         raise AgonicError("a choice compares fresh networks; leave start and compared out")
     fits = [fit_network(samples, reference, hidden=h, **settings) for h in progress(hidden)]
-    table = tuple(_row(fit) for fit in fits)
-    least = min(row.unseen_rms for row in table)
-    good = [fit for fit, row in zip(fits, table, strict=True) if row.unseen_rms <= TIE * least]
+    table = []
+    for fit in fits:
+        assert fit.comparison is not None
+        row = Row(
+            hidden=fit.calibration.shape.hidden,
+            regression=fit.regression,
+            maximum=fit.maximum,
+            rms=fit.rms,
+            unseen_regression=fit.comparison.regression,
+            unseen_maximum=fit.comparison.network.maximum,
+            unseen_rms=fit.comparison.network.rms,
+        )
+        table.append(row)
+    most = TIE * min(row.unseen_rms for row in table)
+    good = [fit for fit, row in zip(fits, table, strict=True) if row.unseen_rms <= most]
     fit = min(good, key=lambda fit: fit.calibration.shape.nodes)
-    assert fit.comparison is not None
-    base = fit.comparison.base
+    base = None if fit.comparison is None else fit.comparison.base
     return NetworkChoice(
-        table=table,
+        table=tuple(table),
         fit=fit,
         base_rms=None if base is None else base.rms,
         base_maximum=None if base is None else base.maximum,
-    )
-
-
-def _row(fit: NetworkFit) -> Row:
-    assert fit.comparison is not None
-    return Row(
-        hidden=fit.calibration.shape.hidden,
-        regression=fit.regression,
-        maximum=fit.maximum,
-        rms=fit.rms,
-        unseen_regression=fit.comparison.regression,
-        unseen_maximum=fit.comparison.network.maximum,
-        unseen_rms=fit.comparison.network.rms,
     )

@@ -52,11 +52,6 @@ class Scale(NamedTuple):
     output_middle: Array
     output_half: float
 
-    @classmethod
-    def of(cls, network: Network) -> Scale:
-        """Those of a network."""
-        return cls(*(getattr(network, name) for name in cls._fields))
-
 
 class Scaled(NamedTuple):
     """What a network has to learn from some of the rows, and what it takes to get back.
@@ -96,17 +91,15 @@ class Scaled(NamedTuple):
             at = sum(measure_width(name) for name in names[: names.index("field")])
             noise = robust_scale(error.ravel())
             share = 1.0 - min((self.problem.sd / max(noise, 1e-300)) ** 2, 1.0)
-            inputs[:, at : at + 3] -= share * self._bring_back(error)
+            base = self.base.calibration
+            assert base is not None
+            matrix = base.matrix
+            if isinstance(base, Thermal):
+                matrix = base.matrix_at(self.problem.columns["temperature"][self.rows])
+            # errors of the field as errors of the readings, W⁻¹ e
+            off = np.linalg.solve(matrix, error[:, :, None])[:, :, 0]
+            inputs[:, at : at + 3] -= share * off
         return np.asarray((inputs - self.scale.input_middle) / self.scale.input_half)
-
-    def _bring_back(self, error: Array) -> Array:
-        """Errors of the field as errors of the readings, W⁻¹ e."""
-        base = self.base.calibration
-        assert base is not None
-        matrix = base.matrix
-        if isinstance(base, Thermal):
-            matrix = base.matrix_at(self.problem.columns["temperature"][self.rows])
-        return np.asarray(np.linalg.solve(matrix, error[:, :, None])[:, :, 0])
 
 
 CENTRES = 64
@@ -141,7 +134,11 @@ def scale_problem(problem: Problem, rows: Index, start: Network | None = None) -
     size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
     # a network bends to what an affine leaves, but not to anything
     used = size <= (_GROSS * max(robust_scale(size), 1e-300) if settings.robust else np.inf)
-    scale = _find_scale(problem, rows[used], target[used]) if start is None else Scale.of(start)
+    scale = (
+        _find_scale(problem, rows[used], target[used])
+        if start is None
+        else Scale(*(getattr(start, n) for n in Scale._fields))
+    )
     between = levenberg_marquardt.Problem(
         x=(problem.inputs[rows] - scale.input_middle) / scale.input_half,
         target=(target - scale.output_middle) / scale.output_half,
@@ -157,19 +154,29 @@ def train(problem: Problem, rows: Index, start: Network | None = None) -> Traini
     found, noise, last = _train_until_settled(task, None if start is None else start.weights)
     outputs = network.forward(network.split(found.weights, last.shape), last.x)
     weights = np.ones(len(rows)) if last.weight is None else last.weight
-    calibration, size = _network(task, found, noise, outputs, weights), task.scale.output_half
-    unmodelled = _estimate_unmodelled(last, outputs, weights > 0, noise, found)
+    kept, size, residuals = weights > 0, task.scale.output_half, outputs - last.target
+    # what the network leaves that is no noise: neighbours share it; a fit takes off
+    # sd² (weights determined)/(residuals) of what they share, even of noise
+    left = residuals[kept]
+    taken = noise.sd**2 * found.effective * noise.correlation / left.size
+    square, error = estimate_neighbour_covariance(left, last.x[kept])
+    square += taken
     ratio, base_noise = 1.0, task.base.noise
     if base_noise is not None:  # standard errors of the base with the noise that the network leaves
-        left = noise.sd * size * float(np.sqrt(noise.correlation))
-        ratio = min(1.0, left / max(base_noise, 1e-300))
+        without = noise.sd * size * float(np.sqrt(noise.correlation))
+        ratio = min(1.0, without / max(base_noise, 1e-300))
+    calibration = replace(
+        _network(task, found, noise, outputs, kept),
+        unmodelled=size * (float(np.sqrt(square)) if square > error else 0.0),
+        base_sd_ratio=ratio,
+    )
     return Training(
-        calibration=replace(calibration, unmodelled=size * unmodelled, base_sd_ratio=ratio),
+        calibration=calibration,
         trained=found,
         noise=noise._replace(sd=noise.sd * size),
-        residuals=(outputs - last.target) * size,
+        residuals=residuals * size,
         weights=weights,
-        regression=correlate(outputs[weights > 0], last.target[weights > 0]),
+        regression=correlate(outputs[kept], last.target[kept]),
     )
 
 
@@ -257,24 +264,6 @@ def _estimate_noise(
     return noise, weight
 
 
-def _estimate_unmodelled(
-    scaled: levenberg_marquardt.Problem,
-    outputs: Array,
-    kept: Mask,
-    noise: Noise,
-    found: levenberg_marquardt.Training,
-) -> float:
-    """What the network leaves that is no noise, scaled: neighbours share it.
-
-    A fit takes off sd² (weights determined)/(residuals) of what neighbours share, even of noise.
-    """
-    left = (outputs - scaled.target)[kept]
-    taken = noise.sd**2 * found.effective * noise.correlation / left.size
-    found_square, error = estimate_neighbour_covariance(left, scaled.x[kept])
-    square = found_square + taken
-    return float(np.sqrt(square)) if square > error else 0.0
-
-
 def correlate(outputs: Array, targets: Array) -> float:
     """R between outputs and targets, all components together (the paper's coefficient)."""
     a, b = outputs.ravel(), targets.ravel()
@@ -284,15 +273,10 @@ def correlate(outputs: Array, targets: Array) -> float:
 
 
 def _network(
-    task: Scaled,
-    found: levenberg_marquardt.Training,
-    noise: Noise,
-    outputs: Array,
-    weights: Array,
+    task: Scaled, found: levenberg_marquardt.Training, noise: Noise, outputs: Array, kept: Mask
 ) -> Network:
     """The calibration, with where it holds."""
     problem, base, scale, target = task.problem, task.base.calibration, task.scale, task.target
-    kept = weights > 0
     layers = network.split(found.weights, task.between.shape)
     centres, reach = domain.cover(task.between.x[kept], CENTRES)
     added = scale.output_middle + scale.output_half * outputs[kept]

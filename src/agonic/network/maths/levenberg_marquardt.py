@@ -88,12 +88,6 @@ class Training(NamedTuple):
         """Mean square error of the scaled outputs at the end."""
         return self.epochs[-1].mean_square if self.epochs else float("nan")
 
-    @property
-    def least_held_out(self) -> float:
-        """The least mean square error of the rows held out, infinite without them."""
-        seen = [e.held_out for e in self.epochs if not np.isnan(e.held_out)]
-        return min(seen, default=float("inf"))
-
 
 def train(
     problem: Problem,
@@ -109,15 +103,17 @@ def train(
     Parameters: `stopping` how overfitting is met: "bayesian" by λ from the evidence, "early" by the
     error on `held_out`, "plain" not at all; `ridge` λ to begin with, as a training before left it.
     """
-    evidence, weights = stopping == "bayesian", np.array(start, dtype=np.float64)
+    evidence = stopping == "bayesian"
+    weights: Array = np.array(start, dtype=np.float64)
     sums = _sums(problem, weights)
     first = ridge or (1e-3 * sums.weight**0.5 if evidence else 0.0)
-    state = _State(weights, sums, first, _FIRST_MU, float(len(weights)), weights, np.inf, 0)
+    state = _State(weights, sums, first, _FIRST_MU, float(len(weights)))
     watched = held_out if stopping == "early" else None
+    best, least, worse = weights, np.inf, 0  # with the least error held out, and epochs since then
     if watched is not None:
-        state = state.watching(_mean_square(watched, state.weights))
+        least = _mean_square(watched, weights)
     epochs: list[Epoch] = []
-    slow, converged = 0, False
+    slow, converged, rows = 0, False, max(sums.weight, 1e-300) * problem.target.shape[1]
     while len(epochs) < most_epochs and not converged:
         if evidence and (ridge is not None or len(epochs) >= _SETTLING):
             state = _update_ridge(problem, state)
@@ -126,16 +122,33 @@ def train(
             converged = True
             break
         gain, state = stepped
-        unseen = float("nan") if watched is None else _mean_square(watched, state.weights)
-        state = state.watching(unseen)
-        count = max(state.sums.weight, 1e-300) * problem.target.shape[1]
-        mean_square = float(state.sums.square / count)
+        unseen = float("nan")
+        if watched is not None:
+            unseen = _mean_square(watched, state.weights)
+            worse += 1
+            if unseen < least:
+                best, least, worse = state.weights, unseen, 0
+        mean_square = float(state.sums.square / rows)
         epochs.append(Epoch(mean_square, unseen, state.mu, state.effective))
         ready = not evidence or ridge is not None or len(epochs) > _SETTLING
         enough = max(SLOW, FLAT * _count(problem, state.sums) / 2)
         slow = slow + 1 if gain < enough and ready else 0
-        converged = slow >= PATIENCE or state.worse >= PATIENCE
-    return _finish(problem, state, tuple(epochs), converged, watched is not None)
+        converged = slow >= PATIENCE or worse >= PATIENCE
+    if watched is not None:
+        state = state._replace(weights=best, sums=_sums(problem, best))
+    precision = _precision(problem, state.sums, min(state.effective, len(state.weights)))
+    information = state.sums.information.copy()
+    smallest = 1e-9 * float(np.trace(information)) / len(information)
+    information[np.diag_indices_from(information)] += max(state.ridge, smallest)
+    return Training(
+        weights=state.weights,
+        covariance=inverse(information * precision),
+        precision=precision * problem.correlation,
+        ridge=state.ridge,
+        effective=state.effective,
+        epochs=tuple(epochs),
+        converged=converged,
+    )
 
 
 class Start(NamedTuple):
@@ -157,26 +170,23 @@ def choose_start(
     rng = np.random.default_rng(seed)
     few = problem
     if len(problem.x) > _FEW:
-        rows = np.sort(rng.choice(len(problem.x), _FEW, replace=False))
-        few = problem.subset(rows)
+        few = problem.subset(np.sort(rng.choice(len(problem.x), _FEW, replace=False)))
     left = [Start(network.draw_weights(rng, problem.shape)) for _ in range(restarts)]
     if held_out is not None:
         stopped = [train(problem, w, stopping="early", held_out=held_out) for w, _ in left]
-        best = min(stopped, key=lambda trained: trained.least_held_out)
+        best = min(stopped, key=lambda one: min((e.held_out for e in one.epochs), default=np.inf))
         return Start(best.weights, best.epochs)
+
+    def go_on(start: Start, epochs: int) -> Start:
+        trained = train(few, start.weights, stopping="plain", most_epochs=epochs)
+        return Start(trained.weights, start.epochs + trained.epochs)
+
     epochs = _TRIAL
     while len(left) > 1:
-        tried = [_go_on(few, start, epochs) for start in left]
+        tried = [go_on(start, epochs) for start in left]
         tried.sort(key=lambda start: start.epochs[-1].mean_square)
         left, epochs = tried[: len(tried) // 2], 2 * epochs
-    if few is problem or restarts == 1:
-        return left[0]
-    return _go_on(few, left[0], _ON_FEW)
-
-
-def _go_on(problem: Problem, start: Start, epochs: int) -> Start:
-    trained = train(problem, start.weights, stopping="plain", most_epochs=epochs)
-    return Start(trained.weights, start.epochs + trained.epochs)
+    return left[0] if few is problem or restarts == 1 else go_on(left[0], _ON_FEW)
 
 
 class _State(NamedTuple):
@@ -187,17 +197,6 @@ class _State(NamedTuple):
     ridge: float
     mu: float
     effective: float
-    best: Array  # with the least error held out
-    least: float
-    worse: int  # epochs since then
-
-    def watching(self, unseen: float) -> _State:
-        """With the error on rows held out taken note of."""
-        if np.isnan(unseen):
-            return self
-        if unseen < self.least:
-            return self._replace(best=self.weights, least=unseen, worse=0)
-        return self._replace(worse=self.worse + 1)
 
 
 def _sums(problem: Problem, weights: Array) -> network.Sums:
@@ -258,23 +257,3 @@ def _update_ridge(problem: Problem, state: _State) -> _State:
     precision = _precision(problem, state.sums, effective)
     ridge = max(effective, 1e-3) / size / precision
     return state._replace(ridge=float(ridge), effective=float(effective))
-
-
-def _finish(
-    problem: Problem, state: _State, epochs: tuple[Epoch, ...], converged: bool, early: bool
-) -> Training:
-    if early:
-        state = state._replace(weights=state.best, sums=_sums(problem, state.best))
-    precision = _precision(problem, state.sums, min(state.effective, len(state.weights)))
-    information = state.sums.information.copy()
-    least = 1e-9 * float(np.trace(information)) / len(information)
-    information[np.diag_indices_from(information)] += max(state.ridge, least)
-    return Training(
-        weights=state.weights,
-        covariance=inverse(information * precision),
-        precision=precision * problem.correlation,
-        ridge=state.ridge,
-        effective=state.effective,
-        epochs=epochs,
-        converged=converged,
-    )

@@ -21,11 +21,8 @@ def solve_with_noise(
     least: float = 1.0,
     tolerance: float = 1e-3,
 ) -> tuple[leastsq.Solution, Noise]:
-    """The minimum from a start (m,), and the noise and correlation that it was weighted by.
-
-    Parameters: `scale` of the residuals at first; `robust` down-weights outliers; `least` residuals
-    count as one; `tolerance` of the steps, in standard errors.
-    """
+    """The minimum from a start (m,), and the noise and correlation that it was weighted by: at
+    least so many residuals count as one; `tolerance` of the steps is in standard errors."""
     solution = leastsq.solve(pieces, start, scale=scale, prior=prior, tolerance=tolerance)
     noise = estimate_noise(solution.residuals, robust, _count_determined(solution))
     for _ in range(_ROUNDS):

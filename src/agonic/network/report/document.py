@@ -66,13 +66,8 @@ def describe_network(
     methods: Sequence[Method] = (),
     title: str = "",
 ) -> Document:
-    """A trained network, or its base where that is as good.
-
-    Parameters
-    ----------
-    fit : from `fit_network`. samples : the readings it was trained on. choice : the table that it
-        was chosen from, if one was made. methods : of training that were compared, if they were.
-        title : of the page; default: the sensor.
+    """A trained network, or its base where that is as good, with the table that it was chosen from
+    and the methods of training that were compared, if there are any.
 
     >>> from agonic.network.fit import fit_network
     >>> from agonic.network.simulate import simulate_nonaffine
@@ -141,12 +136,7 @@ def describe_network_file(
     samples: Samples | None = None,
     verification: Verification | None = None,
 ) -> Document:
-    """A calibration file with a network in it, and what it does to readings.
-
-    Parameters
-    ----------
-    calibration : what is applied. network : it, or its step that is one.
-    samples, verification : readings that it was tried on, and what that showed.
+    """A calibration file that is a network, or has one as a step, and what it does to readings.
 
     >>> from agonic.network.fit import fit_network
     >>> from agonic.network.simulate import simulate_paper

@@ -75,9 +75,7 @@ def _curve(x: Axis, y: Axis, values: Array, name: str) -> Markup:
         known = known[np.unique(even(1, len(known), POINTS).astype(int)) - 1]
     if len(known) < 2:
         return strips.path("", name)
-    return strips.path(
-        f"M{strips.points(right(x, known + np.ones(len(known))), down(y, values[known]))}", name
-    )
+    return strips.curve(x, y, known + np.ones(len(known)), values[known], name)
 
 
 def draw_regression(known: Array, found: Array, axis: str) -> Markup:

@@ -34,12 +34,7 @@ _WHY = {
 def describe_retraining(
     retrainer: Retrainer, seen: Correction | None, *, rows: int = 0, title: str = ""
 ) -> Document:
-    """What a retrainer made of a log.
-
-    Parameters
-    ----------
-    retrainer : after the log. seen : what `retrainer.update(samples, …)` gave, None where nothing
-        was new. rows : of the log. title : of the page; default: the sensor.
+    """What a retrainer made of a log: `seen` is what its update gave, None where nothing was new.
 
     >>> from agonic.calibration.retraining import RetrainerParams
     >>> from agonic.network.simulate import simulate_paper

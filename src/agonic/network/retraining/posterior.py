@@ -78,8 +78,7 @@ def describe_prior(running: Running) -> Array:
         step = own.onto @ own.covariance @ own.onto.T
     if not isinstance(running, Network):
         return step
-    stated = running.covariance
-    stated = np.eye(running.shape.size) if stated is None else stated
+    stated = np.eye(running.shape.size) if running.covariance is None else running.covariance
     return block_diag(running.base_sd_ratio**2 * step, stated)
 
 
@@ -93,11 +92,10 @@ def train_on(
     weights: bool,
     common: float = 0.0,
 ) -> tuple[Running, Array, int]:
-    """What is running after some rows, the covariance of its errors θ, and the iterations.
+    """What is running after some rows, the covariance (k, k) of its errors θ, and the iterations.
 
-    Parameters: `covariance` (k, k) of θ before them; `least` residuals of what ran that counted as
-    one, which a fit to a few readings does not show; `weights` whether they are trained too;
-    `common` standard deviation, nT, of an error of the known field that all of the rows share.
+    `least` residuals of what ran counted as one, which a fit to a few readings does not show;
+    `common` is the sd, nT, of an error of the known field that all of the rows share.
     """
     model, fixed = _Model(running, rows), np.zeros_like(covariance)
     if not weights:
