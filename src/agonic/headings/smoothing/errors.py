@@ -65,15 +65,6 @@ def follow_axes(axes: Array, moments: Moments, settling_s: float) -> Array:
     return np.concatenate(list(felt))
 
 
-def list_tilt_errors(lean: Array, steep: Array) -> Array:
-    """What a lean of the tilt's sensor, in body axes, adds to a compass (N, 3), rad for each rad.
-
-    An accelerometer's bias leans the vertical by ⟨R b⟩/g, which turns the field by as much across
-    times the tangent of the dip (N,); a recorded tilt leans with the body. `lean` by `follow_axes`.
-    """
-    return np.asarray(np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1])
-
-
 def find_sensor_lean(
     columns: Array,
     lean: Array,

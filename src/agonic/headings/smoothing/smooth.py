@@ -33,10 +33,10 @@ from agonic.headings.maths.offset import (
 from agonic.headings.maths.rest import NO_REST, find_rest, find_still
 from agonic.headings.rows import CompassRows, RowHeadings
 from agonic.headings.smoothing.errors import (
+    STEEPEST,
     find_sensor_lean,
     follow_axes,
     list_shared_errors,
-    list_tilt_errors,
     measure_disturbance,
 )
 from agonic.headings.smoothing.moments import FEWEST, Moments, carry, put_together
@@ -124,7 +124,10 @@ def smooth_headings(
     found_lean = find_sensor_lean(
         columns, lean, observed.variance, parts, around, attitude, moments
     )
-    by_lean = np.nan_to_num(list_tilt_errors(lean, steep)) @ np.linalg.cholesky(found_lean)
+    # an accelerometer's bias leans the vertical by ⟨R b⟩/g, which turns the field by as much across
+    # times the tangent of the dip; a recorded tilt leans with the body
+    across = np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1]
+    by_lean = np.nan_to_num(across) @ np.linalg.cholesky(found_lean)
     shared = moments.smooth(np.nan_to_num(np.hstack([columns, by_lean])), STEADY_S)
     axes = find_shown_axes(level[moments.rows, 2])
     rest = NO_REST

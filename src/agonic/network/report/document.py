@@ -12,8 +12,8 @@ from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import Calibration, select_columns
 from agonic.calibration.chain import Chain
-from agonic.calibration.inputs import signals
 from agonic.calibration.network import Network
+from agonic.calibration.sources import signals
 from agonic.maths.equation.network import split
 from agonic.network.fit import Method, NetworkChoice, NetworkFit
 from agonic.network.fit.solve import correlate

@@ -32,9 +32,9 @@ class Judgement(NamedTuple):
 
 
 class Unseen(NamedTuple):
-    """What a judge has of held-out readings: errors (k, o) nT by the running calibration, None
-    before the first, and by the candidate; by how much the candidate moves the field, as a share of
-    it; and the noise, nT, of the running one while nothing was wrong, where it is known."""
+    """What a judge has of held-out readings: errors (k, o) nT by what runs, None before the first,
+    and by the candidate; how far that moves the field, as a share of it; and the noise, nT, of what
+    runs while nothing was wrong, where it is known."""
 
     running: Array | None
     candidate: Array

@@ -203,18 +203,6 @@ class _Model:
         """C + Q."""
         return np.asarray(covariance + self.step * sizes.variances @ self.step.T)
 
-    def added(self, weights: Array) -> tuple[Array, Array]:
-        """What the network adds (n, 3), and its Jacobian (n, 3, m)."""
-        assert self.network is not None
-        layers = kernel.split(weights, self.shape)
-        half = self.network.output_half
-        added = self.network.output_middle + half * kernel.forward(layers, self.x)
-        jacobian = half * kernel.jacobian(layers, self.x)
-        if added.shape[1] == 1:
-            along = self.base / np.linalg.norm(self.base, axis=1, keepdims=True)
-            return added * along, along[:, :, None] * jacobian
-        return added, jacobian
-
     def field(self, theta: Array) -> tuple[Array, Array]:
         """The field (n, 3) and its Jacobian (n, 3, k)."""
         field, jacobian = self.base, np.zeros((len(self.base), 3, self.size))
@@ -226,8 +214,13 @@ class _Model:
             field = field + self.base @ step[:, :3].T + step[:, 3]
         if self.network is None:
             return field, jacobian
-        added, jacobian[:, :, self.own :] = self.added(self.weights + theta[self.own :])
-        return field + added, jacobian
+        layers = kernel.split(self.weights + theta[self.own :], self.shape)
+        half, along = self.network.output_half, np.ones((len(field), 1))
+        if self.shape.outputs == 1:
+            along = self.base / np.linalg.norm(self.base, axis=1, keepdims=True)
+        added = self.network.output_middle + half * kernel.forward(layers, self.x)
+        jacobian[:, :, self.own :] = along[:, :, None] * (half * kernel.jacobian(layers, self.x))
+        return field + added * along, jacobian
 
     def pieces(self, theta: Array) -> Iterator[tuple[Array, Array]]:
         """Residuals of an axis after the other, or of the magnitude, with their Jacobian."""
