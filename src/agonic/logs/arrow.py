@@ -19,11 +19,7 @@ FILE, STREAM = b"ARROW1\0\0", b"\xff\xff\xff\xff"
 
 
 def accepts(head: bytes) -> bool:
-    """Whether a file begins like an Arrow file, or like a stream: its first message is a schema.
-
-    >>> accepts(b"ARROW1\\0\\0" + bytes(8)), accepts(b"\\xff" * 8)
-    (True, False)
-    """
+    """Whether a file begins like an Arrow file, or like a stream: its first message is a schema."""
     size = int.from_bytes(head[4:8], "little")
     return head.startswith(FILE) or (head.startswith(STREAM) and 0 < size < 1 << 24)
 

@@ -50,11 +50,6 @@ def join_scalar(samples: Samples, other: Samples) -> Samples:
     They are interpolated between readings; rows in a gap of more than one and a half usual
     intervals, before the first and after the last are left out and counted. Raises `LogError`
     where the two were never recorded at the same time, or one has no times.
-
-    >>> vector = Samples(time=[0.0, 0.5, 9.0], field=np.full((3, 3), 20_000.0), unit="nT")
-    >>> scalar = vector.select([0, 2]).with_columns(time=[0.0, 1.0], scalar=[48_000.0, 48_010.0])
-    >>> join_scalar(vector, scalar).scalar.tolist()
-    [48000.0, 48005.0]
     """
     if samples.time is None or other.time is None or other.scalar is None:
         raise LogError("a vector and a scalar magnetometer meet by their times; both need them")

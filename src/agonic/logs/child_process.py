@@ -132,9 +132,6 @@ def call(function: Callable[[Any], Any], given: object) -> Any:
 
     In a child process, and where none can be started, it is done in this one. Raises `LogError`
     where that takes longer than `LONGEST_S` or ends the child, and what the function raises.
-
-    >>> call(len, "abc")
-    3
     """
     if _in_child or not sys.executable or getattr(sys, "frozen", False):
         return function(given)

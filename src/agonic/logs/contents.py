@@ -55,11 +55,7 @@ FOLDERS = {
 
 
 def name_own(head: bytes) -> str:
-    r"""What a file that starts with these bytes is, if agonic wrote it or reads it as settings.
-
-    >>> name_own(b'{"schema": "agonic/calibration@1"}')[:14], name_own(b"time_s,mag_x_nT\n0,1\n")
-    ('a calibration,', '')
-    """
+    r"""What a file that starts with these bytes is, if agonic wrote it or reads it as settings."""
     if schema := _SCHEMA.match(head.removeprefix(b"\xef\xbb\xbf")):
         kind = schema[1].decode()
         result = f"a result of agonic (agonic/{kind}), no log; name the log it was made from"
@@ -76,24 +72,14 @@ def name_own(head: bytes) -> str:
 
 
 def name_own_table(headers: Iterable[str]) -> str:
-    """What a table without a magnetometer is, by its headers, if agonic wrote it.
-
-    >>> name_own_table(["compass_deg", "magnetic_deg"])
-    'a compass swing, no log: agonic fit deviation FILE'
-    """
+    """What a table without a magnetometer is, by its headers, if agonic wrote it."""
     there = set(headers)
     return next((what for marks, what in _TABLES if marks <= there), "")
 
 
 @contextmanager
 def explain_damage(said: str = "damaged") -> Iterator[None]:
-    """What a library makes of damaged bytes, which may be any exception, as a `LogError`.
-
-    >>> with explain_damage("cannot be read as CDF"):
-    ...     [][0]
-    Traceback (most recent call last):
-    agonic.errors.LogError: cannot be read as CDF (list index out of range); fetch it again
-    """
+    """What a library makes of damaged bytes, which may be any exception, as a `LogError`."""
     try:
         yield
     except (AgonicError, MemoryError):
@@ -114,10 +100,6 @@ def check_declared(declared: int, stored: int, what: str = "it") -> None:
     """Raise `LogError` where values would take more memory than is given to a file.
 
     Parameters: `declared`, bytes of the values; `stored`, bytes they have in the file.
-
-    >>> check_declared(40_000_000_000, 1900)  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    agonic.errors.LogError: it declares 40 GB of values and stores 1900 bytes of them: damaged, ...
     """
     if declared > MOST_BYTES:
         raise LogError(
@@ -132,12 +114,7 @@ def check_declared(declared: int, stored: int, what: str = "it") -> None:
 
 
 def read_bytes(path: Path | str) -> bytes:
-    """The bytes of a file.
-
-    >>> read_bytes("nowhere.json")
-    Traceback (most recent call last):
-    agonic.errors.LogError: nowhere.json: there is no such file
-    """
+    """The bytes of a file."""
     try:
         if Path(path).exists() and not Path(path).is_file():
             what = "it is a folder: name a file in it" if Path(path).is_dir() else "it is no file"
@@ -161,11 +138,7 @@ def read_text(path: Path | str, needed: str = "a text table") -> str:
 
 
 def to_number(text: str | bytes) -> float:
-    """A text as a number, NaN where it is none.
-
-    >>> to_number("12.5"), to_number("n/a")
-    (12.5, nan)
-    """
+    """A text as a number, NaN where it is none."""
     try:
         return float(text)
     except ValueError:

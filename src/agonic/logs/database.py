@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.contents import MOST_BYTES
-from agonic.logs.folder import name_axes
-from agonic.logs.groups import build_groups_log
+from agonic.logs.groups import build_groups_log, name_axes
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, identify_columns, refuse_many
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log, Table
 from agonic.logs.text.json_text import TEXTUAL, to_column
 from agonic.logs.text.long_table import build_tables_log
 from agonic.provenance import Input
@@ -33,8 +32,6 @@ _BLOCK = 20_000
 _LONGEST_TEXT = 1000
 _LONGEST_VALUE = 100_000_000
 _LONGEST_S = 60.0
-
-Table = dict[str, NDArray[Any]]
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -48,17 +45,17 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     except (sqlite3.Error, UnicodeDecodeError) as error:
         why = " ".join(str(error).split())[:160]
         raise LogError(f"the database cannot be read ({why}); copy it with its journal") from None
-    facts: dict[str, Any] = {"path": path, "source": source, "format": "SQLite database"}
     waiting = Path(f"{path}-wal")
-    late = (f"rows that lie in {waiting.name} alone were not read",) * waiting.is_file()
+    notes = (f"rows that lie in {waiting.name} alone were not read",) * waiting.is_file()
     known = {name: table for name, table in tables.items() if identify_columns(table)}
+    facts = Facts(path=path, source=source, format="SQLite database", unit=unit, others=others)
+    facts["notes"] = notes
     if len(known) == 1:
         ((name, table),) = known.items()
-        notes = (f"from its table {name!r}", *late)
-        return build_tables_log(table, unit=unit, others=others, notes=notes, **facts)
+        facts["notes"] = (f"from its table {name!r}", *notes)
+        return build_tables_log(table, **facts)
     named = {name: name_axes(table, name, alone=False) for name, table in known.items()}
-    paths = {name: Path(name) for name in named}
-    return build_groups_log(named, unit=unit, others=others, paths=paths, notes=late, **facts)
+    return build_groups_log(named, {name: Path(name) for name in named}, **facts)
 
 
 @contextmanager

@@ -11,28 +11,19 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 from zipfile import BadZipFile, ZipFile
-
-from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.contents import FOLDERS, check_declared
-from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, Format, format_of
-from agonic.logs.groups import build_groups_log
+from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, format_of
+from agonic.logs.groups import INERTIAL, build_groups_log, name_axes
 from agonic.logs.headers.columns import identify_columns
-from agonic.logs.headers.conventions import find_named_quantity
-from agonic.logs.headers.header import identify_column
-from agonic.logs.headers.quantities import FALLBACK
-from agonic.logs.log import Log
+from agonic.logs.log import Log, Table
 from agonic.provenance import Input
 
 _MOST_FILES = 64
 _MOST_FIELDS = 4
 _OFFICE = "[Content_Types].xml"
-_BESIDE = ("acceleration", "rotation_rate")
-
-Table = dict[str, NDArray[Any]]
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -48,20 +39,18 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     with TemporaryDirectory(prefix=".agonic-") as made:
         _unpack(path, Path(made))
         files = list(Path(made).iterdir())
-        if len(files) == 1:
-            return _read_alone(files[0], path, source, unit)
-        return _read_folder(Path(made), path, source, unit)
+        if len(files) != 1:
+            return _read_folder(Path(made), path, source, unit)
+        kind = format_of(_read_head(files[0]))
+        if kind == FOLDER:
+            raise LogError(f"an archive within an archive ({files[0].name}); unpack it")
+        log: Log = kind.reader.read(files[0], source, *(() if kind.unit_fixed else (unit,)))
+        return replace(log, path=path, notes=(f"from {files[0].name} in the archive", *log.notes))
 
 
-def _read_alone(file: Path, path: Path, source: Input, unit: str | None) -> Log:
-    """The log of the one file that an archive holds, of any kind but another archive."""
+def _read_head(file: Path) -> bytes:
     with file.open("rb") as stream:
-        kind = format_of(stream.read(HEAD_BYTES))
-    if kind == FOLDER:
-        raise LogError(f"an archive within an archive ({file.name}); unpack it")
-    given = () if kind.unit_fixed else (unit,)
-    log: Log = kind.reader.read(file, source, *given)
-    return replace(log, path=path, notes=(f"from {file.name} in the archive", *log.notes))
+        return stream.read(HEAD_BYTES)
 
 
 def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> Log:
@@ -74,30 +63,25 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     notes: list[str] = []
     for file in files:
         try:
-            tables |= _read_tables(file, alone=len(files) == 1)
+            for number, table in enumerate(_read_tables(file)):
+                named = name_axes(table, file.stem, alone=len(files) == 1)
+                if identify_columns(named):
+                    tables[f"{file.stem} {number + 1}" if number else file.stem] = named
         except LogError as error:
             notes.append(f"{file.name} was not read: {error}")
-    fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
+    found = {name: identify_columns(table) for name, table in tables.items()}
+    fields = [name for name in found if "field" in found[name]]
     if not fields:
         raise LogError(f"no file in it holds a magnetometer ({_list_files(files)})")
-    if len(files) > 1 and not _is_one_recording(tables, fields):
+    # one recording: what stands beside the magnetometers is in files of its own
+    apart = len(found) > len(fields) and not any(found[n].keys() & INERTIAL for n in fields)
+    if len(files) > 1 and not (apart and len(fields) <= _MOST_FIELDS):
         raise LogError(_say_several(files, path))
+    paths = {name: Path(name) for name in tables}
+    format = "a file for each sensor"
     return build_groups_log(
-        tables,
-        path=path,
-        source=source,
-        format="a file for each sensor",
-        unit=unit,
-        notes=tuple(notes),
-        paths={name: Path(name) for name in tables},
+        tables, paths, path=path, source=source, format=format, unit=unit, notes=tuple(notes)
     )
-
-
-def _is_one_recording(tables: dict[str, Table], fields: list[str]) -> bool:
-    """Whether what stands beside the magnetometers is in files of its own."""
-    apart = any(identify_columns(table) for name, table in tables.items() if name not in fields)
-    whole = any(q in identify_columns(tables[name]) for name in fields for q in _BESIDE)
-    return apart and not whole and len(fields) <= _MOST_FIELDS
 
 
 def _say_several(files: list[Path], path: Path) -> str:
@@ -114,62 +98,15 @@ def _list_files(files: Iterable[Path]) -> str:
     return ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
 
 
-def _read_tables(file: Path, *, alone: bool) -> dict[str, Table]:
-    """The tables in a file by its name; bare axes of another sensor get the name of that."""
-    with file.open("rb") as stream:
-        kind = format_of(stream.read(HEAD_BYTES))
-    found = {}
-    for number, table in enumerate(_read_kind(file, kind)):
-        name = file.stem if not number else f"{file.stem} {number + 1}"
-        named = name_axes(table, file.stem, alone=alone)
-        if identify_columns(named):
-            found[name] = named
-    return found
-
-
-def name_axes(table: Table, name: str, *, alone: bool) -> Table:
-    """The columns of a file, a sheet or a table: bare axes under the sensor that it is named for.
-
-    Where it is not `alone` and named for no magnetometer, bare axes are of something else.
-
-    >>> list(name_axes({"t": None, "x": None}, "Gyroscope", alone=False))
-    ['t', 'gyro x']
-    """
-    quantity = find_named_quantity(name)
-    named = {_name_axis(header, quantity): values for header, values in table.items()}
-    if alone or quantity == "field":
-        return named
-    return {header: values for header, values in named.items() if not _is_bare(header)}
-
-
-def _read_kind(file: Path, kind: Format) -> list[Table]:
+def _read_tables(file: Path) -> list[Table]:
     """The columns that are understood in a file, a table for each clock."""
-    if kind == TEXT:
-        from agonic.logs.text.csv_text import read_table
-
-        return [read_table(file)[0]]
-    if kind == JSON:
-        from agonic.logs.text.json_text import read_table as read_json
-
-        return [read_json(file)[0]]
+    kind = format_of(_read_head(file))
+    if kind in (TEXT, JSON):
+        return [kind.reader.read_table(file)[0]]
     if kind == MATLAB:
-        from agonic.logs.arrays.matlab import read_tables
-
-        return read_tables(file)
+        tables: list[Table] = kind.reader.read_tables(file)
+        return tables
     raise LogError(f"{kind.name} are recordings of their own")
-
-
-def _name_axis(header: str, quantity: str) -> str:
-    """A header with bare axes under the name of the sensor that the file is named for."""
-    if quantity not in _BESIDE:
-        return header
-    return f"{'acc' if quantity == _BESIDE[0] else 'gyro'} {header}" if _is_bare(header) else header
-
-
-def _is_bare(header: str) -> bool:
-    """Whether a header is x, y or z alone, perhaps with a unit."""
-    column = identify_column(header)
-    return column is not None and column.quantity.column == "field" and column.rank == FALLBACK
 
 
 def _unpack(path: Path, folder: Path) -> None:
@@ -185,13 +122,9 @@ def _unpack(path: Path, folder: Path) -> None:
             for member in members:
                 name = Path(member.filename).name
                 if name and not name.startswith(".") and "__MACOSX" not in member.filename:
-                    _write(archive, member, folder / name[-100:])
+                    with archive.open(member) as packed:
+                        (folder / name[-100:]).write_bytes(packed.read(member.file_size))
     except (BadZipFile, EOFError, OSError, NotImplementedError, RuntimeError, zlib.error) as error:
         raise LogError(
             f"the archive cannot be unpacked ({error}); unpack it and name a file"
         ) from None
-
-
-def _write(archive: ZipFile, member: Any, path: Path) -> None:
-    with archive.open(member) as packed, path.open("wb") as plain:
-        plain.write(packed.read(member.file_size))

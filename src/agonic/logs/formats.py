@@ -37,11 +37,7 @@ PACKED = {
 
 
 def find_packing(file: Path) -> str:
-    """What unpacks a file; "" where it is plain, or no file.
-
-    >>> find_packing(Path("nowhere.csv.gz"))
-    ''
-    """
+    """What unpacks a file; "" where it is plain, or no file."""
     if not file.is_file():
         return ""
     with file.open("rb") as stream:
@@ -84,11 +80,7 @@ def _starts(*marks: bytes) -> Callable[[bytes], bool]:
 
 
 def is_dataflash(head: bytes) -> bool:
-    """Whether a message of type FMT stands in it, binary or text.
-
-    >>> is_dataflash(b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns")
-    True
-    """
+    """Whether a message of type FMT stands in it, binary or text."""
     return bool(_FMT.search(head) or (b"FMT," in head and FMT_TEXT.search(head)))
 
 
@@ -108,11 +100,7 @@ def _is_vires(head: bytes) -> bool:
 
 
 def is_wide(data: bytes) -> bool:
-    """Whether the start is UTF-16 with the low byte first, of plain letters and without a mark.
-
-    >>> is_wide("time,x,y,z".encode("utf-16-le")), is_wide(b"time,x,y,z")
-    (True, False)
-    """
+    """Whether the start is UTF-16 with the low byte first, of plain letters and without a mark."""
     low, high = data[:400:2], data[1:400:2]
     return len(high) >= 10 and not any(high) and low.isascii() and 0 not in low
 
@@ -120,9 +108,6 @@ def is_wide(data: bytes) -> bool:
 def decode_marked(data: bytes) -> bytes:
     """A text whose first bytes say that it is UTF-8 or UTF-16, as UTF-8 without them; any other as
     it is.
-
-    >>> decode_marked("x,y".encode("utf-16")), decode_marked(b"x,y")
-    (b'x,y', b'x,y')
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace").encode()
@@ -267,11 +252,7 @@ def _may_be_own(head: bytes) -> bool:
 
 
 def format_of(head: bytes) -> Format:
-    """The kind of a file that starts with these bytes, or a `LogError` that says what it is.
-
-    >>> format_of(b"PAR1 and more").name, format_of(b"time_s,mag_x_nT\\n").module
-    ('Parquet', 'text.csv_text')
-    """
+    """The kind of a file that starts with these bytes, or a `LogError` that says what it is."""
     if _may_be_own(head):
         from agonic.logs.contents import name_own
 
@@ -290,11 +271,7 @@ def format_of(head: bytes) -> Format:
 
 
 def name_content(data: bytes) -> str:
-    """What the bytes of a file are, for an error where something else is needed.
-
-    >>> name_content(b""), name_content(b"PAR1 and more"), name_content(b"time_s,mag_x_nT\\n0,1")
-    ('empty', 'a file of the kind Parquet', 'a text, as tables of readings are')
-    """
+    """What the bytes of a file are, for an error where something else is needed."""
     if not data.strip():
         return "empty"
     try:

@@ -1,4 +1,5 @@
-"""Tables with clocks of their own, as bags, structures and tagged lines hold them, into one log.
+"""Tables with clocks of their own, as bags, structures, sheets and tagged lines hold them, into one
+log.
 
 Each table with a magnetometer gives its sensors; what they lack is taken from the other tables,
 interpolated at their readings. A column is not carried over holes: where more than a few readings
@@ -7,23 +8,26 @@ have no row of the other table near them, it is left out, and a note says so.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from os.path import commonprefix  # of any texts
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.headers.columns import identify_columns
-from agonic.logs.headers.conventions import apply_conventions
-from agonic.logs.headers.quantities import BY_COLUMN
-from agonic.logs.log import Log, Stream
-from agonic.logs.rows.auxiliary import PERIODS_DEG, Table, find_reach, measure_reach, set_angle_unit
+from agonic.logs.headers.conventions import apply_conventions, find_named_quantity
+from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.quantities import BY_COLUMN, FALLBACK
+from agonic.logs.log import Facts, Log, Stream, Table
+from agonic.logs.rows.auxiliary import PERIODS_DEG, find_reach, measure_reach, set_angle_unit
 from agonic.logs.rows.beside import AUXILIARY, Part, read_columns, read_disturbers
-from agonic.logs.rows.resample import compute_rate_Hz, resample
+from agonic.logs.rows.resample import resample
 from agonic.logs.rows.times import find_clocks, find_time
 from agonic.logs.table import build_log, refuse_no_magnetometer
 from agonic.provenance import Input
@@ -31,6 +35,8 @@ from agonic.samples import Samples
 
 _FEW = 0.01
 """Share of the readings that may lie in a hole of another table."""
+INERTIAL = {"acceleration": "acc", "rotation_rate": "gyro"}
+"""What is recorded beside a field in files and rows of its own, and how its columns are called."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,17 +52,27 @@ class Beside:
     notes: tuple[str, ...]
 
 
+def name_axes(table: Table, name: str, *, alone: bool) -> dict[str, Any]:
+    """The columns of a file, a sheet or a table: bare axes under the sensor that it is named for.
+
+    Where it is not `alone` and named for no magnetometer, bare axes are of something else.
+    """
+    quantity = find_named_quantity(name)
+    named = {}
+    for header, values in table.items():
+        column = identify_column(header)
+        bare = column is not None and column.quantity.column == "field" and column.rank == FALLBACK
+        if bare and quantity in INERTIAL:
+            named[f"{INERTIAL[quantity]} {header}"] = values
+        elif not bare or alone or quantity == "field":
+            named[header] = values
+    return named
+
+
 def build_groups_log(
     groups: Mapping[str, Table] | Mapping[int, Table],
-    *,
-    path: Path,
-    source: Input,
-    format: str,
-    unit: str | None = None,
-    others: Iterable[str] = (),
-    notes: tuple[str, ...] = (),
-    remarks: tuple[str, ...] = (),
     paths: Mapping[str, Path] | None = None,
+    **facts: Unpack[Facts],
 ) -> Log:
     """The log that tables are, by the name of each, or a number where they have none.
 
@@ -64,41 +80,44 @@ def build_groups_log(
 
     Raises `LogError` where none of them holds a magnetometer.
     """
+    others = tuple(facts.get("others", ()))
     logs, beside, failures = [], [], []
     for key, table in groups.items():
         name = key if isinstance(key, str) else ""
         if not table:
             continue
-        own = (paths or {}).get(name, path)
+        path = (paths or {}).get(name, facts["path"])
         try:
-            if not any(
-                len(axes) == 3 for axes in identify_columns(table).get("field", {}).values()
-            ):
-                beside.append(read_beside(name, table, own))
-                continue
-            log = build_log(
-                table, path=own, source=source, format=format, unit=unit, remarks=remarks
-            )
+            fields = identify_columns(table).get("field", {})
+            if any(len(axes) == 3 for axes in fields.values()):
+                own: Facts = {**facts, "path": path, "others": (), "notes": ()}
+                logs.append((name, build_log(table, **own)))
+            else:
+                beside.append(read_beside(name, table, path))
         except LogError as error:
             failures.append(f"{name or 'a table'}: {error}")
-            continue
-        logs.append((name, log))
     if not logs:
         if failures:
             raise LogError("; ".join(failures[:3]))
         refuse_no_magnetometer([header for table in groups.values() for header in table], others)
-    sensors = [
-        _complete(_rename(samples, group, len(log.sensors)), group, beside)
-        for group, log in logs
-        for samples in log.sensors
-    ]
+    known: Counter[str] = Counter()
+    sensors = []
+    for group, log in logs:
+        for samples in log.sensors:
+            alone = len(log.sensors) == 1 and samples.name == "mag"
+            name = (group if alone else f"{group} {samples.name}") if group else samples.name
+            known[name] += 1
+            numbered = name if known[name] == 1 else f"{name} #{known[name]}"
+            sensors.append(_complete(samples, group, beside).with_columns(name=numbered))
+    streams = [stream for _, log in logs for stream in log.streams]
+    streams += [Stream.at(one.name, one.rows, one.time) for one in beside if one.name]
     return Log(
-        path=path,
-        format=format,
-        source=source,
-        sensors=tuple(_with_own_names(sensors)),
-        streams=(*(s for _, log in logs for s in log.streams), *_list_streams(beside, others)),
-        notes=(*notes, *(note for _, log in logs for note in log.notes), *failures),
+        path=facts["path"],
+        format=facts["format"],
+        source=facts["source"],
+        sensors=tuple(sensors),
+        streams=(*streams, *(Stream(name=name, rows=0) for name in others)),
+        notes=(*facts.get("notes", ()), *(n for _, log in logs for n in log.notes), *failures),
     )
 
 
@@ -107,8 +126,7 @@ def read_beside(name: str, table: Table, path: Path) -> Beside:
     found, documented = apply_conventions(identify_columns(table), table, path.stem)
     found = set_angle_unit(found, table)
     rows = len(next(iter(table.values())))
-    numbers = list(dict.fromkeys(n for q, groups in found.items() if q != "time" for n in groups))
-    number = numbers[0] if numbers else ""
+    number = next((n for q, groups in found.items() if q != "time" for n in groups), "")
     part = Part(
         table=table, found=found, rows=None, clocks=find_clocks(table, found, [number]), unit=None,
         source=Input(name=name, sha256="", count=rows), remarks=(),
@@ -116,7 +134,7 @@ def read_beside(name: str, table: Table, path: Path) -> Beside:
     every = np.ones(rows, dtype=bool)
     time, epoch, notes = find_time(part.clock(number), np.zeros((rows, 3)), every)
     columns, estimated, remarks = read_columns(part, number, time, ~every)
-    disturbers, told = read_disturbers(part, time, ~every)
+    disturbers, said = read_disturbers(part, time, ~every)
     return Beside(
         name=name,
         time=time,
@@ -124,19 +142,18 @@ def read_beside(name: str, table: Table, path: Path) -> Beside:
         columns={n: values for n, values in columns.items() if values is not None} | disturbers,
         rows=rows,
         estimated=estimated,
-        notes=(*documented, *(note for note in notes if time is None), *remarks, *told),
+        notes=(*documented, *(notes if time is None else ()), *remarks, *said),
     )
 
 
 def _complete(samples: Samples, group: str, beside: Iterable[Beside]) -> Samples:
     """The samples with the columns that they lack, of the tables named nearest to theirs first."""
-    nearest = sorted(beside, key=lambda other: -_count_common(group, other.name))
     columns: dict[str, Any] = {}
     notes = list(samples.notes)
     estimated = samples.heading_estimated
-    for other in nearest:
+    for other in sorted(beside, key=lambda one: -len(commonprefix((group, one.name)))):  # noqa: RUF071
         have = samples.columns().keys() | columns.keys()
-        wanted = sorted(other.columns.keys() - have, key=list(other.columns).index)
+        wanted = [name for name in other.columns if name not in have]
         if not wanted:
             left_out = () if other.columns else other.notes
             notes.extend(f"{other.name}: {n}" for n in left_out if "left out" in n and other.name)
@@ -156,17 +173,7 @@ def _complete(samples: Samples, group: str, beside: Iterable[Beside]) -> Samples
         notes.extend(note for note in other.notes if note not in notes)
     if new := {name: columns.pop(name) for name in list(columns) if name not in AUXILIARY}:
         columns["disturbers"] = {**samples.disturbers, **new}
-    return samples.with_columns(
-        **columns,
-        notes=tuple(notes),
-        heading_estimated=estimated,
-    )
-
-
-def _count_common(one: str, other: str) -> int:
-    """How many letters two names begin with in common."""
-    differ = (k for k, (a, b) in enumerate(zip(one, other, strict=False)) if a != b)
-    return next(differ, min(len(one), len(other)))
+    return samples.with_columns(**columns, notes=tuple(notes), heading_estimated=estimated)
 
 
 def _find_shift(samples: Samples, other: Beside) -> float | str:
@@ -193,37 +200,3 @@ def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | 
     if np.mean(measure_reach(time, samples.time) > find_reach(name, time)) > _FEW:
         return None
     return resample(time, values[known], samples.time, period=PERIODS_DEG.get(name))
-
-
-def _rename(samples: Samples, group: str, count: int) -> Samples:
-    """A sensor named by the group that it is in, if that has a name."""
-    if not group:
-        return samples
-    alone = count == 1 and samples.name == "mag"
-    return samples.with_columns(name=group if alone else f"{group} {samples.name}")
-
-
-def _with_own_names(sensors: Iterable[Samples]) -> list[Samples]:
-    """The sensors, numbered where two have one name."""
-    known: dict[str, int] = {}
-    named = []
-    for samples in sensors:
-        known[samples.name] = known.get(samples.name, 0) + 1
-        times = known[samples.name]
-        numbered = f"{samples.name} #{times}"
-        named.append(samples if times == 1 else samples.with_columns(name=numbered))
-    return named
-
-
-def _list_streams(beside: Iterable[Beside], others: Iterable[str]) -> list[Stream]:
-    """The tables without a magnetometer, and what was not read."""
-    tables = [
-        Stream(
-            name=other.name,
-            rows=other.rows,
-            rate_Hz=None if other.time is None else compute_rate_Hz(other.time),
-        )
-        for other in beside
-        if other.name
-    ]
-    return [*tables, *(Stream(name=name, rows=0) for name in others)]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
+
+from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.rows.resample import compute_rate_Hz
 from agonic.provenance import Input
 from agonic.readable import Readable
 from agonic.samples import Logged, Samples
@@ -20,12 +23,7 @@ _allowed: ContextVar[bool] = ContextVar("allowed", default=False)
 
 @contextmanager
 def allow_two_axes() -> Iterator[None]:
-    """Read magnetometers of x and y alone, in logs that hold no other, while this lasts.
-
-    >>> with allow_two_axes():
-    ...     are_two_axes_allowed()
-    True
-    """
+    """Read magnetometers of x and y alone, in logs that hold no other, while this lasts."""
     token = _allowed.set(True)
     try:
         yield
@@ -52,6 +50,11 @@ class Stream:
     name: str
     rows: int
     rate_Hz: float | None = None
+
+    @classmethod
+    def at(cls, name: str, rows: int, time: Array | None) -> Stream:
+        """One whose rows have these times, seconds, if any."""
+        return cls(name=name, rows=rows, rate_Hz=None if time is None else compute_rate_Hz(time))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,13 +103,23 @@ class Log(Readable):
         raise LogError(f"no sensor {which!r}; there are {', '.join(names)}", path=self.path)
 
 
-class Facts(TypedDict):
-    """What `table.build_log` and its like have to know of a file beside the tables in it."""
+Table = Mapping[str, NDArray[Any]]
+"""Columns by header: numbers, moments or texts, (n,) each."""
+
+
+class About(TypedDict):
+    """What a reader says of a file with tables: `others` are headers that were not read."""
+
+    format: str
+    others: NotRequired[Iterable[str]]
+    notes: NotRequired[tuple[str, ...]]
+
+
+class Facts(About):
+    """What is known of a file beside the tables in it: `unit` is that of the field where no header
+    names one, `notes` are on the file, `remarks` on each of its magnetometers."""
 
     path: Path
     source: Input
-    format: str
     unit: NotRequired[str | None]
-    others: NotRequired[Iterable[str]]
-    notes: NotRequired[tuple[str, ...]]
     remarks: NotRequired[tuple[str, ...]]

@@ -16,7 +16,7 @@ from agonic.logs.contents import explain_damage
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
 from agonic.logs.headers.header import identify_column
-from agonic.logs.log import Log
+from agonic.logs.log import About, Log
 from agonic.logs.remote import Remote
 from agonic.logs.text.long_table import build_tables_log
 from agonic.provenance import Input
@@ -36,12 +36,12 @@ _AHEAD = 2
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a Parquet table is; `unit` is that of the field where no column names one."""
     with explain_damage():
-        table, facts = read_table(path)
-    return build_tables_log(table, path=path, source=source, unit=unit, **facts)
+        table, about = read_table(path)
+    return build_tables_log(table, path=path, source=source, unit=unit, **about)
 
 
-def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """The columns that are understood, by header, and what to tell of the file."""
+def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], About]:
+    """The columns that are understood, by header, and what to say of the file."""
     with _open_parquet(path) as file:
         schema = file.schema
         headers = [schema.column(i).path for i in range(len(schema))]

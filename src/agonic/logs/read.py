@@ -48,14 +48,6 @@ def unpack(file: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     """A plain copy of a compressed file for as long as it is needed, and notes.
 
     Raises `LogError` where nothing can be unpacked, or more than 8 GB would be.
-
-    >>> import gzip
-    >>> with TemporaryDirectory() as folder:
-    ...     packed = Path(folder, "log.csv.gz")
-    ...     _ = packed.write_bytes(gzip.compress(b"1 2 3"))
-    ...     with unpack(packed) as (plain, notes):
-    ...         plain.name, plain.read_text()
-    ('log.csv', '1 2 3')
     """
     packing = find_packing(file)
     name = file.stem if file.suffix.lower() in _ENDINGS else file.name
@@ -331,11 +323,7 @@ def _read_here(request: tuple[Format, Path, Input, tuple[str | None, ...], Any])
 
 
 def accepts(path: Path | str) -> bool:
-    """Whether a file, or what is packed in it, begins like what `open_log` reads; any text does.
-
-    >>> accepts("nowhere.csv")
-    False
-    """
+    """Whether a file, or what is packed in it, begins like what `open_log` reads; any text does."""
     try:
         head = _head(Path(path))
         if find_packing(Path(path)):

@@ -76,20 +76,12 @@ class Remote:
 
 
 def is_remote(name: Path | Remote | str) -> bool:
-    """Whether a name is a URL.
-
-    >>> is_remote("s3://bucket/log.csv"), is_remote("C:/log.csv"), is_remote("log.csv")
-    (True, False, False)
-    """
+    """Whether a name is a URL."""
     return isinstance(locate(name), Remote)
 
 
 def locate(name: Path | Remote | str) -> Path | Remote:
-    """The file that a path or a URL names, also a URL that was made a `Path`.
-
-    >>> str(locate(Path("s3://bucket/log.csv")))
-    's3://bucket/log.csv'
-    """
+    """The file that a path or a URL names, also a URL that was made a `Path`."""
     if isinstance(name, Remote):
         return name
     if isinstance(name, str):

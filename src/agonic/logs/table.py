@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, Unpack
 
 import numpy as np
 
@@ -30,23 +29,21 @@ from agonic.logs.headers.conventions import (
 )
 from agonic.logs.headers.header import LONGEST, identify_column
 from agonic.logs.headers.quantities import FALLBACK, LAST
-from agonic.logs.log import TORN, Log, Stream, are_two_axes_allowed
+from agonic.logs.log import TORN, Facts, Log, Stream, Table, are_two_axes_allowed
 from agonic.logs.rows.auxiliary import (
-    Table,
     find_field_unit,
     find_finite_rows,
     set_angle_unit,
     state_unit,
 )
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
-from agonic.logs.rows.resample import compute_rate_Hz
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
-from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
 _MOST_SENSORS = 64
 _INERTIAL = {"acceleration": "an accelerometer", "rotation_rate": "a gyroscope"}
+_CLOCKS = frozenset(("time", "date", "hour", "gps_tow"))
 _MAGNITUDE = re.compile(
     r"(?:mag(?:\d|_?field)?|tmi|tmf|total_?field|b_?total|scalar_?\w*)[\s_]*[(\[]?(?:nt)?[)\]]?",
     re.IGNORECASE,
@@ -54,81 +51,84 @@ _MAGNITUDE = re.compile(
 TWO_AXES = "a two-axis compass, x and y alone, is calibrated with agonic calibrate"
 
 
-def build_log(
-    table: Table,
-    *,
-    path: Path,
-    source: Input,
-    format: str,
-    unit: str | None = None,
-    others: Iterable[str] = (),
-    notes: tuple[str, ...] = (),
-    remarks: tuple[str, ...] = (),
-) -> Log:
+def build_log(table: Table, **facts: Unpack[Facts]) -> Log:
     """The log that a table is: its magnetometers with their columns, and what else it holds.
-
-    `table` maps a header to its (n,) values: numbers, moments or texts. `unit` is that of the
-    field where the header names none; `others` are headers that were not read; `notes` are on
-    the file, `remarks` on each of its magnetometers.
 
     Raises `LogError` where no magnetometer is found, or two columns could be the same thing.
     """
-    others = tuple(others)
+    others, notes = tuple(facts.get("others", ())), facts.get("notes", ())
+    headers = [*table, *others]
     if "field" not in find_quantities(table).values():
         refuse_no_magnetometer(table, others)
     found = identify_columns(table)
-    fields = [n for n, axes in found.get("field", {}).items() if len(axes) == 3]
-    if not fields:
-        two = are_two_axes_allowed()
-        fields = [n for n, axes in found.get("field", {}).items() if two and set(axes) == set("xy")]
+    axes = found.get("field", {})
+    fields = [number for number in axes if len(axes[number]) == 3]
+    if not fields and are_two_axes_allowed():
+        fields = [number for number in axes if set(axes[number]) == set("xy")]
     if not fields:
         refuse_no_magnetometer(table, others)
     fields.sort(key=lambda number: is_corrected(found["field"][number]))  # the raw one is first
-    found = state_unit(found, table)
-    found, documented = apply_conventions(found, [*table, *others], path.stem)
+    found, documented = apply_conventions(state_unit(found, table), headers, facts["path"].stem)
     found = set_angle_unit(found, table)
     whole = Part(
         table=table,
         found=found,
         rows=None,
         clocks=find_clocks(table, found, fields),
-        unit=unit,
-        source=source,
+        unit=facts.get("unit"),
+        source=facts["source"],
         remarks=(
-            *remarks,
+            *facts.get("remarks", ()),
             *documented,
-            *find_correction([*table, *others]),
-            *tell_rivals(found, [*table, *others], fields),
-            *tell_no_clock(found, others),
-            *tell_doubtful(table),
+            *find_correction(headers),
+            *_note_choices(found, table, others, fields),
         ),
     )
     sensors, failures = _read_sensors(whole, fields)
     if TORN in notes:
-        sensors = tuple(one.with_columns(rejected={**one.rejected, TORN: 1}) for one in sensors)
+        sensors = [one.with_columns(rejected={**one.rejected, TORN: 1}) for one in sensors]
     return Log(
-        path=path,
-        format=format,
-        source=source,
-        sensors=sensors,
+        path=facts["path"],
+        format=facts["format"],
+        source=facts["source"],
+        sensors=tuple(sensors),
         streams=_list_streams(table, found, others, sensors[0]),
         notes=(*notes, *failures),
     )
 
 
-def _read_sensors(whole: Part, fields: list[str]) -> tuple[tuple[Samples, ...], list[str]]:
+def _note_choices(
+    found: Identified, table: Table, others: Sequence[str], fields: list[str]
+) -> Iterator[str]:
+    """What was taken where a table holds a field twice, no clock that is known, or several columns
+    of one quantity; and how to choose."""
+    for number in fields:
+        axes = found["field"][number]
+        if rivals := find_rivals([*table, *others], axes):
+            taken = ", ".join(axes[axis].header for axis in "xyz" if axis in axes)
+            given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
+            yield f"{taken} are taken; the table holds more fields: --columns {given}"
+    free = [header[:30] for header in others if header.strip()]
+    if free and not _CLOCKS.intersection(found):
+        yield f"no column is known for a time ({', '.join(free[:5])}): --columns time=… names it"
+    if doubtful := find_doubtful(table):
+        yield f"{' and '.join(doubtful)} left out: choose one with --columns"
+
+
+def _read_sensors(whole: Part, fields: list[str]) -> tuple[list[Samples], list[str]]:
     """The magnetometers that have usable readings, and what is wrong with the others."""
     sensors, failures = [], []
     for label, rows in _split_rows(whole):
         for number in fields:
-            name = _name(label, number)
+            numbered = f"mag{number}" if number.isdecimal() or not number else number
+            name = f"{label} {numbered if number else ''}".strip() if label else numbered
             try:
                 sensors.append(_read_sensor(replace(whole, rows=rows), name, number))
             except LogError as error:
                 failures.append(f"{name}: {error}")
     if not sensors:
         raise LogError("; ".join(failures[:3]) or "none of its sensors is a magnetometer")
-    return tuple(sensors), failures
+    return sensors, failures
 
 
 def _read_sensor(part: Part, name: str, number: str) -> Samples:
@@ -142,7 +142,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     readings = find_finite_rows(field)
     time, epoch, time_notes = find_time(part.clock(number), field, readings)
     columns, estimated, remarks = read_columns(part, number, time, readings)
-    disturbers, told = read_disturbers(part, time, readings)
+    disturbers, beside = read_disturbers(part, time, readings)
     by_device = (OF_DEVICE.format(axes["x"].header),) if is_corrected(axes) else ()
     if len(foreign := find_foreign_rows(part, field, readings)):
         keep = np.setdiff1d(np.arange(len(field)), foreign)
@@ -152,6 +152,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         remarks = (*remarks, f"{len(foreign)} rows are of other sensors")
     if columns.get("second") is not None:  # `Samples` takes it in the unit of the field
         columns["second"] = columns["second"] / nanotesla_per(unit)
+    notes = (*by_device, *unit_notes, *time_notes, *sorted_notes, *remarks, *beside)
     samples = Samples(
         field=field,
         unit=unit,
@@ -163,7 +164,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         heading_estimated=estimated,
         corrected=CORRECTED in part.remarks or bool(by_device),
         disturbers=disturbers,
-        notes=(*part.remarks, *by_device, *unit_notes, *time_notes, *sorted_notes, *remarks, *told),
+        notes=(*part.remarks, *notes),
         source=replace(part.source, count=len(field)),
         **columns,
     )
@@ -194,46 +195,30 @@ def _find_frame(part: Part) -> str:
 def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
     """The rows of each sensor that a `sensor` column names, in order of appearance.
 
-    A sensor whose own name says that it is an accelerometer or a gyroscope is left out.
+    A sensor whose own name says that it is an accelerometer or a gyroscope is left out. A column
+    that may number anything names sensors where several rows have each number, and one that may
+    also count the recordings, whose rows follow each other, only where they alternate.
     """
     column = pick(whole.found.get("sensor", {}), "").get("")
     if column is None:
         yield "", whole.rows
         return
-    labels = np.array([_write_label(label) for label in whole.table[column.header]])
-    names, first, which = np.unique(labels, return_index=True, return_inverse=True)
-    if column.rank >= FALLBACK and not _tells_sensors(which, alternating=column.rank == LAST):
-        yield "", whole.rows
-        return
+    cells = whole.table[column.header]
+    whole_numbers = (isinstance(cell, float) and cell.is_integer() for cell in cells)
+    labels = [str(int(c) if w else c).strip() for c, w in zip(cells, whole_numbers, strict=True)]
+    names, first, which = np.unique(np.array(labels), return_index=True, return_inverse=True)
+    if column.rank >= FALLBACK:
+        count = int(which.max()) + 1
+        alternate = np.count_nonzero(np.diff(which)) > 2 * count
+        if not 1 < count <= len(which) // 8 or (column.rank == LAST and not alternate):
+            yield "", whole.rows
+            return
     if len(names) > _MOST_SENSORS:
         raise LogError(f"{column.header!r} names {len(names)} sensors; is it another quantity?")
     for k in np.argsort(first):
         other = identify_column(f"{names[k]} x") if len(names[k]) > 1 else None
         if other is None or other.quantity.column == "field":
             yield str(names[k]), np.flatnonzero(which == k)
-
-
-def _write_label(label: object) -> str:
-    """A name as a text; a number that is whole without a point."""
-    if isinstance(label, float) and label.is_integer():
-        return str(int(label))
-    return str(label).strip()
-
-
-def _tells_sensors(which: Index, *, alternating: bool) -> bool:
-    """Whether a column that may number anything names sensors: the `which`-th in each row.
-
-    Not where all rows are of one, or nearly each has its own number; one that may also count the
-    recordings, whose rows follow each other, only where they alternate.
-    """
-    count = int(which.max()) + 1
-    alternate = np.count_nonzero(np.diff(which)) > 2 * count
-    return 1 < count <= len(which) // 8 and bool(alternate or not alternating)
-
-
-def _name(label: str, number: str) -> str:
-    numbered = f"mag{number}" if number.isdecimal() or not number else number
-    return " ".join(filter(None, (label, numbered if number or not label else "")))
 
 
 def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoReturn:
@@ -244,27 +229,27 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     every = [*known, *others]
     if own := name_own_table(every):
         raise LogError(f"this is {own}")
-    named = find_quantities(known)
-    found = identify_columns(h for h in known if named[h] == "field")
-    parts = [c.header for axes in found.get("field", {}).values() for c in axes.values()]
-    have = ", ".join(repr(h[:30]) for h in every[:10]) + (", …" if len(every) > 10 else "")
-    part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
-    other = next((said for name, said in _INERTIAL.items() if name in named.values()), "")
-    beside = f" (of {other} only; if the magnetometer is in a file beside it, name the folder)"
     if not every:
         raise LogError(
             "no columns of numbers found in it (tables and timetables of MATLAB are objects, which "
             "are not read): write it with writetable or writetimetable"
         )
+    named = find_quantities(known)
+    fields = identify_columns(h for h in known if named[h] == "field").get("field", {})
+    parts = [c.header for axes in fields.values() for c in axes.values()]
+    have = ", ".join(repr(h[:30]) for h in every[:10]) + (", …" if len(every) > 10 else "")
     alone = next((h for h in every if not parts and _MAGNITUDE.fullmatch(h.strip())), None)
     if alone is not None:
         raise LogError(
             f"no magnetometer columns found among {have}: {alone!r} is a magnitude alone, as a "
             "scalar magnetometer reads it; x, y and z are needed"
         )
+    part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
+    other = next((said for name, said in _INERTIAL.items() if name in named.values()), "")
+    beside = f" (of {other} only; if the magnetometer is in a file beside it, name the folder)"
     said = f"{part} found among {have}{beside if other and not parts else ''}; say which they are: "
     said += suggest_names(every)
-    if any(set(axes) == set("xy") for axes in found.get("field", {}).values()):
+    if any(set(axes) == set("xy") for axes in fields.values()):
         raise TwoAxisError(f"{said}; {TWO_AXES}")
     raise LogError(said)
 
@@ -277,39 +262,8 @@ def _list_streams(
         c.header for groups in found.values() for axes in groups.values() for c in axes.values()
     }
     rows = len(next(iter(table.values())))
-    rate = None if first.time is None else compute_rate_Hz(first.time)
     unused = [*(header for header in table if header not in used), *others]
-    return tuple(Stream(name=header[:LONGEST], rows=rows, rate_Hz=rate) for header in unused)
-
-
-_CLOCKS = frozenset(("time", "date", "hour", "gps_tow"))
-
-
-def tell_rivals(found: Identified, headers: list[str], fields: list[str]) -> tuple[str, ...]:
-    """What was taken where a table holds a field twice, and how to take the other."""
-    notes = []
-    for number in fields:
-        axes = found["field"][number]
-        if rivals := find_rivals(headers, axes):
-            taken = ", ".join(axes[axis].header for axis in "xyz" if axis in axes)
-            given = ",".join(f"{axis}={header}" for axis, header in zip("xyz", rivals, strict=True))
-            notes.append(f"{taken} are taken; the table holds more fields: --columns {given}")
-    return tuple(notes)
-
-
-def tell_doubtful(headers: Iterable[str]) -> tuple[str, ...]:
-    """What was left out because several columns could be it."""
-    if doubtful := find_doubtful(headers):
-        return (f"{' and '.join(doubtful)} left out: choose one with --columns",)
-    return ()
-
-
-def tell_no_clock(found: Identified, others: Iterable[str]) -> tuple[str, ...]:
-    """What could be the clock of a table that has none that is known."""
-    free = [header[:30] for header in others if header.strip()]
-    if _CLOCKS.intersection(found) or not free:
-        return ()
-    return (f"no column is known for a time ({', '.join(free[:5])}): --columns time=… names it",)
+    return tuple(Stream.at(header[:LONGEST], rows, first.time) for header in unused)
 
 
 _BEGINNINGS = [
@@ -324,18 +278,12 @@ def leave_out_date(samples: Samples) -> Samples:
     """The readings without their date, where it is the one that an unset clock has.
 
     A log with positions keeps it: what tells the place tells the time as well.
-
-    >>> never = Samples(field=[[0, 0, 1.0]], time=[60.0], epoch=datetime(1970, 1, 1, tzinfo=UTC))
-    >>> leave_out_date(never).notes
-    ('the clock was not set, it says 1970-01-01: the log has no date',)
     """
     if samples.epoch is None or samples.latitude_deg is not None or not len(samples):
         return samples
     seconds = 0.0 if samples.time is None else float(np.nan_to_num(samples.time[0]))
-    if not any(
-        timedelta(0) <= samples.epoch - beginning + timedelta(seconds=seconds) < _RUNNING
-        for beginning in _BEGINNINGS
-    ):
+    since = [samples.epoch - beginning + timedelta(seconds=seconds) for beginning in _BEGINNINGS]
+    if not any(timedelta(0) <= ran < _RUNNING for ran in since):
         return samples
     said = f"the clock was not set, it says {samples.epoch:%Y-%m-%d}: the log has no date"
     return samples.with_columns(epoch=None, notes=(*samples.notes, said))

@@ -9,37 +9,25 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from numpy.typing import NDArray
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from agonic.errors import LogError
 from agonic.logs.contents import MOST_BYTES
-from agonic.logs.folder import name_axes
-from agonic.logs.groups import build_groups_log
+from agonic.logs.groups import build_groups_log, name_axes
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.header import MOST_COLUMNS
-from agonic.logs.log import Log
+from agonic.logs.log import Log, Table
 from agonic.logs.text import csv_text
 from agonic.provenance import Input, hash_file
 
 _MOST_SHEETS = 64
 _FORMAT = "workbook"
-
-
-@dataclass(frozen=True)
-class _Sheet:
-    """A sheet that was understood: its text on disk, its columns, and the headers of the others."""
-
-    name: str
-    file: Path
-    table: dict[str, NDArray[Any]]
-    others: list[str]
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -49,54 +37,46 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """
     with TemporaryDirectory(prefix=".agonic-") as made:
         written = _write_sheets(path, Path(made))
-        sheets, said = _understand(written)
-        fields = [s.name for s in sheets if "field" in identify_columns(s.table)]
-        known = [s for s in sheets if identify_columns(s.table)]
+        sheets: dict[str, Table] = {}
+        others: list[str] = []
+        said = []
+        for name, file in written.items():
+            try:
+                sheets[name], facts = csv_text.read_table(file)
+                others += facts.get("others", ())
+            except LogError as error:
+                said.append(f"{name}: {error}")
+        found = {name: identify_columns(table) for name, table in sheets.items()}
+        fields = [name for name in found if "field" in found[name]]
+        known = [name for name in found if found[name]]
         if len(known) == 1 and fields:
-            log = csv_text.read(known[0].file, source, unit)
+            log = csv_text.read(written[known[0]], source, unit)
             log = replace(log, path=path, format=_FORMAT)
+        elif not sheets:
+            why = "; ".join(said[:3]) or "all are empty"
+            raise LogError(f"no sheet in it holds a table ({why})")
         else:
-            log = _bring_together(sheets, path, source, unit, said)
+            log = _bring_together(sheets, path, source, unit, others)
     several = f"of {len(written)} sheets, {', '.join(map(repr, fields[:5]))} with a magnetometer"
     return replace(log, notes=(*((several,) if len(written) > 1 else ()), *log.notes))
 
 
 def _bring_together(
-    sheets: list[_Sheet], path: Path, source: Input, unit: str | None, said: list[str]
+    sheets: dict[str, Table], path: Path, source: Input, unit: str | None, others: list[str]
 ) -> Log:
     """The log of several sheets; one magnetometer alone is not named for its sheet."""
-    if not sheets:
-        raise LogError(f"no sheet in it holds a table ({'; '.join(said[:3]) or 'all are empty'})")
     alone = len(sheets) == 1
-    tables: dict[Any, Any] = {s.name: name_axes(s.table, s.name, alone=alone) for s in sheets}
+    tables: dict[Any, Any] = {n: name_axes(table, n, alone=alone) for n, table in sheets.items()}
     fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
     if len(fields) == 1:
         tables = {0 if name in fields else name: table for name, table in tables.items()}
+    paths = {name: Path(name) for name in tables if name} | {"": Path(*fields[:1])}
     return build_groups_log(
-        tables,
-        path=path,
-        source=source,
-        format=_FORMAT,
-        unit=unit,
-        others=[header for sheet in sheets for header in sheet.others],
-        paths={name: Path(name) for name in tables if name} | {"": Path(*fields[:1])},
+        tables, paths, path=path, source=source, format=_FORMAT, unit=unit, others=others
     )
 
 
-def _understand(written: list[tuple[str, Path]]) -> tuple[list[_Sheet], list[str]]:
-    """The sheets that hold a table, and why the others do not."""
-    sheets, said = [], []
-    for name, file in written:
-        try:
-            table, facts = csv_text.read_table(file)
-        except LogError as error:
-            said.append(f"{name}: {error}")
-            continue
-        sheets.append(_Sheet(name, file, table, list(facts.get("others", ()))))
-    return sheets, said
-
-
-def _write_sheets(path: Path, folder: Path) -> list[tuple[str, Path]]:
+def _write_sheets(path: Path, folder: Path) -> dict[str, Path]:
     """The sheets that are not empty, each in a text file of its own; one that is listed again, or
     is the same, once."""
     found: dict[str, tuple[str, Path]] = {}
@@ -110,7 +90,7 @@ def _write_sheets(path: Path, folder: Path) -> list[tuple[str, Path]]:
         raise LogError(
             f"the workbook cannot be unpacked ({error}); open it and save the sheet as CSV"
         ) from None
-    return list(found.values())
+    return dict(found.values())
 
 
 def _write(file: Path, rows: Iterable[list[Any]]) -> int:
@@ -129,11 +109,7 @@ def _write(file: Path, rows: Iterable[list[Any]]) -> int:
 
 
 def write_cell(cell: Any) -> str:
-    """What a cell holds, as a text table would have it.
-
-    >>> write_cell(3.0), write_cell(datetime(2026, 5, 3, 8, 15)), write_cell(timedelta(hours=12))
-    ('3', '2026-05-03T08:15:00', '43200.0 s')
-    """
+    """What a cell holds, as a text table would have it."""
     if isinstance(cell, bool | int):
         return str(int(cell))
     if isinstance(cell, float):

@@ -30,7 +30,6 @@ _PULSES_US = (1000.0, 2000.0)
 _LONGEST_PULSE_US = 3000.0
 _REVERSIBLE = re.compile(rb"(Ardu)?(Sub|Rover|Boat|Blimp) V\d")
 """Vehicles whose motors stand still at the middle of their pulses."""
-_PULSE_COLUMNS = tuple((k, (f"C{k}", f"Ch{k}", f"Chan{k}")) for k in range(1, 15))
 
 
 def list_tracks(mag: Table, tables: Tables) -> Iterator[Track]:
@@ -39,29 +38,26 @@ def list_tracks(mag: Table, tables: Tables) -> Iterator[Track]:
     Motors by their duty (0 stopped, 1 the longest pulse), speed controllers and further batteries
     by their current. Source: ArduPilot, libraries/AP_Logger/LogStructure.h, AP_Motors.
     """
-    attitude, control, fixes = tables.get("ATT"), tables.get("CTUN"), _fixes(tables)
-    imu, battery = _first_instance(tables, "IMU"), _first_instance(tables, "BAT", "CURR")
+    battery, control = _first_instance(tables, "BAT", "CURR"), tables.get("CTUN")
+    hundredths = battery is not None and "Curr" in battery.integer
     throttle, full = _throttle(control)
-    for name, table, columns, per_unit in (
-        ("roll_deg", attitude, ["Roll"], 1.0),
-        ("pitch_deg", attitude, ["Pitch"], 1.0),
-        ("heading_deg", attitude, ["Yaw"], 1.0),
-        ("acceleration", imu, ["AccX", "AccY", "AccZ"], 1.0),
-        ("rotation_rate", imu, ["GyrX", "GyrY", "GyrZ"], 1.0),
+    for table, quantities in (
+        (tables.get("ATT"), {"roll_deg": "Roll", "pitch_deg": "Pitch", "heading_deg": "Yaw"}),
         (
-            "current_A",
-            battery,
-            ["Curr"],
-            (100.0 if battery is not None and "Curr" in battery.integer else 1.0),
+            _first_instance(tables, "IMU"),
+            {"acceleration": "AccX AccY AccZ", "rotation_rate": "GyrX GyrY GyrZ"},
         ),
-        ("throttle", control, [throttle], full),
-        ("latitude_deg", fixes, ["Lat"], 1.0),
-        ("longitude_deg", fixes, ["Lng"], 1.0),
-        ("altitude_m", fixes, ["Alt"], 1.0),
+        (battery, {"current_A": "Curr"}),
+        (control, {"throttle": throttle}),
+        (_fixes(tables), {"latitude_deg": "Lat", "longitude_deg": "Lng", "altitude_m": "Alt"}),
     ):
-        if table is not None and {*columns} <= {*table.columns}:
-            values = np.stack([table.columns[column] for column in columns], axis=1) / per_unit
-            yield _track(mag, name, table, values if len(columns) > 1 else values[:, 0])
+        for name, columns in quantities.items() if table is not None else ():
+            assert table is not None
+            stacked = [table.columns[c] for c in columns.split() if c in table.columns]
+            if stacked and len(stacked) == len(columns.split()):
+                values = stacked[0] if len(stacked) == 1 else np.stack(stacked, axis=1)
+                per_unit = {"throttle": full, "current_A": 100.0 if hundredths else 1.0}
+                yield _track(mag, name, table, values / per_unit.get(name, 1.0))
     for name, table, values in (*_list_duties(tables), *_list_currents(tables)):
         yield _track(mag, name, table, values)
 
@@ -84,8 +80,8 @@ def list_headings(tables: Tables) -> Iterator[Candidate]:
     if gps is not None and gps.time_s is not None and (yaw := gps.get("Yaw")) is not None:
         sd = np.full(len(yaw), GPS_YAW_SD_DEG)
         if accuracy is not None and accuracy.time_s is not None and "YAcc" in accuracy.columns:
-            told = resample(accuracy.time_s, accuracy.columns["YAcc"], gps.time_s)
-            sd = sd if told is None else np.where(told > 0, told, sd)
+            stated = resample(accuracy.time_s, accuracy.columns["YAcc"], gps.time_s)
+            sd = sd if stated is None else np.where(stated > 0, stated, sd)
         if (yaw != 0).any():
             yield Candidate("GPS yaw", gps.time_s, np.where(yaw != 0, yaw, np.nan), sd)
     for name in YAW_ESTIMATORS:
@@ -142,41 +138,33 @@ def _list_duties(tables: Tables) -> Iterator[tuple[str, Table, Array]]:
     table, parameters = tables.get(OUTPUTS), tables.get("PARM")
     if table is None:
         return
-    low, high, least, told = *_PULSES_US, 0.0, {}
-    if _REVERSIBLE.search(b" ".join(_list_texts(tables))):
+    low, high, least = *_PULSES_US, 0.0
+    functions: dict[int, int] = {}
+    if _REVERSIBLE.search(b" ".join(list_texts(tables))):
         low, least = float(np.mean(_PULSES_US)), -1.0
     if parameters is not None and {"Name", "Value"} <= set(parameters.columns):
         at = table.position[-1:]
         shortest, longest = (look_up(parameters, f"MOT_PWM_{end}", at)[0] for end in ("MIN", "MAX"))
         if least == 0.0 and 0 < shortest < longest < _LONGEST_PULSE_US:
             low, high = shortest, longest
-        functions = {k: int(look_up(parameters, f"SERVO{k}_FUNCTION", at)[0]) for k in range(1, 15)}
-        told = {k: function for k, function in functions.items() if function > 0}
-    for k, columns in _PULSE_COLUMNS:
-        pulses = table.get(*columns)
-        name = _name_output(k, told)
+        found = {k: int(look_up(parameters, f"SERVO{k}_FUNCTION", at)[0]) for k in range(1, 15)}
+        functions = {k: function for k, function in found.items() if function > 0}
+    for k in range(1, 15):
+        pulses, function = table.get(f"C{k}", f"Ch{k}", f"Chan{k}"), functions.get(k, 0)
+        name = f"motor{MOTORS[function]}_duty" if function in MOTORS else THROTTLES.get(function)
+        name = name if functions else f"output{k}_duty"
         if pulses is not None and name is not None:
             yield name, table, np.clip((pulses - low) / (high - low), least, 1.0)
 
 
-def _list_texts(tables: Tables) -> list[bytes]:
+def list_texts(tables: Tables) -> list[bytes]:
     """What the vehicle says of its firmware."""
-    known = (("VER", "FWS"), ("MSG", "Message"))
     return [
         text
-        for name, column in known
+        for name, column in (("VER", "FWS"), ("MSG", "Message"))
         if name in tables and column in tables[name].columns
         for text in tables[name].columns[column].tolist()
     ]
-
-
-def _name_output(number: int, functions: Mapping[int, int]) -> str | None:
-    """The name of an output that drives a motor; `None` for a servo."""
-    if not functions:
-        return f"output{number}_duty"
-    function = functions.get(number, 0)
-    motor = MOTORS.get(function)
-    return THROTTLES.get(function) if motor is None else f"motor{motor}_duty"
 
 
 def _list_currents(tables: Tables) -> Iterator[tuple[str, Table, Array]]:

@@ -23,6 +23,7 @@ from agonic.logs.ardupilot.beside import (
     YAW_ESTIMATORS,
     Tables,
     list_headings,
+    list_texts,
     list_tracks,
 )
 from agonic.logs.ardupilot.dataflash_binary import (
@@ -43,10 +44,142 @@ from agonic.logs.rows.tracks import build_samples
 from agonic.provenance import Input
 from agonic.samples import Samples
 
+MAGNETOMETERS = ("MAG", "MAG2", "MAG3")
+_BESIDE = ("PARM", "VER", "MSG", "ATT", "IMU", "GPS", "GPA", "POS", "BAT", "CURR", "CTUN")
+WANTED = (*MAGNETOMETERS, *_BESIDE, *YAW_ESTIMATORS, *DISTURBERS)
+SCHEMA = ("FMT", "FMTU", "UNIT", "MULT")
+"""Messages that describe messages."""
+
+_GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+_FIRST_WEEK = 1356  # that of 2006-01-01; before there were such logs
+_LONGEST_RUN_S = 1e8  # three years; what lies above is damage
+_FIRMWARE = re.compile(r"^(APM:|Ardu|Blimp|AntennaTracker)\S* V\d")
 _LABEL = "_label"
 _LINE = ("LineNo", "linenumber", "Line")
 _WORDS = ("MSG", "VER")
-"""Messages of texts, for which such a file holds zeros."""
+"""Messages of texts, for which a file of MATLAB holds zeros."""
+
+
+def read(path: Path, source: Input) -> Log:
+    """The magnetometers of a dataflash log with all that was recorded beside them."""
+    with path.open("rb") as stream:
+        text = FMT_TEXT.search(stream.read(HEAD_BYTES))
+    content = (read_text if text else read_binary)(path, WANTED)
+    return build_tables_log(content, path, source, "ArduPilot dataflash")
+
+
+def build_tables_log(content: Content, path: Path, source: Input, format: str) -> Log:
+    """The log that tables of messages are; `LogError` where none of them is of a magnetometer."""
+    tables = content.tables
+    sensors = tuple(_read_samples(*mag, tables, source) for mag in _find_magnetometers(tables))
+    if not sensors:
+        reasons = f" ({'; '.join(content.notes)})" if content.notes else ""
+        raise LogError(
+            f"holds no MAG messages{reasons}; set the compass bit of LOG_BITMASK and record again",
+            path=path,
+        )
+    return Log(
+        path=path,
+        format=format,
+        source=source,
+        sensors=sensors,
+        stack="ardupilot",
+        streams=tuple(s for s in content.streams if s.name not in (*MAGNETOMETERS, *SCHEMA)),
+        notes=(*find_firmware(tables), *content.notes),
+    )
+
+
+def _find_magnetometers(tables: Tables) -> Iterator[tuple[str, str, Table]]:
+    """Name, number in the parameter names, and messages of each compass."""
+    for name in MAGNETOMETERS:
+        if (mag := tables.get(name)) is None:
+            continue
+        if (instance := mag.get("I")) is None:
+            yield name, name.removeprefix("MAG"), mag
+            continue
+        for i in sorted(int(i) for i in set(instance.tolist()) if math.isfinite(i)):
+            yield f"{name}[{i}]", str(i + 1) if i else "", mag.select(instance == i)
+
+
+def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Input) -> Samples:
+    """One compass, with everything else at its rows."""
+    boot = mag.time_s
+    wrong = np.zeros(len(mag), dtype=bool) if boot is None else find_misplaced(boot)
+    mag = mag.select(~wrong)
+    parameters = tables.get("PARM")
+    if parameters is None or not {"Name", "Value"} <= set(parameters.columns):
+        none = {"Name": np.empty(0, "S16"), "Value": np.empty(0)}
+        parameters = Table(np.empty(0, np.int64), none)
+    samples = build_samples(
+        name,
+        remove_correction(mag, parameters, slot),
+        list_tracks(mag, tables),
+        time=mag.time_s,
+        epoch=_utc_of_boot(tables.get("GPS")),
+        source=source,
+        rejected={"time out of sequence": int(wrong.sum())},
+        headings=list_headings(tables),
+    )
+    if boot is not None:
+        return samples
+    placed = "the messages carry no time: columns are matched by their place in the file"
+    return samples.with_columns(notes=(*samples.notes, placed))
+
+
+def _utc_of_boot(gps: Table | None) -> datetime | None:
+    """The median over the GPS messages that know the time, less the seconds since boot."""
+    if gps is None:
+        return None
+    week, milliseconds, boot = gps.get("GWk", "Week"), gps.get("GMS", "TimeMS"), gps.time_s
+    if week is None or milliseconds is None or boot is None:
+        return None
+    known = (week >= _FIRST_WEEK) & (boot < _LONGEST_RUN_S)
+    if not known.any():
+        return None
+    moment = week[known] * 604800.0 + milliseconds[known] / 1e3
+    utc = _GPS_EPOCH + timedelta(seconds=float(np.median(moment - boot[known])))
+    return utc - timedelta(seconds=gps_utc_s(utc.timestamp()))
+
+
+def find_firmware(tables: Tables) -> tuple[str, ...]:
+    """The version of the autopilot, from its version or its first messages."""
+    said = (text.decode("ascii", "replace") for text in list_texts(tables))
+    words = next(filter(_FIRMWARE.match, said), None)
+    return () if words is None else (f"firmware {words.removeprefix('APM:')}",)
+
+
+Lines = list[tuple[int, list[str]]]
+
+
+def read_text(path: Path, wanted: Collection[str]) -> Content:
+    """The wanted messages of a `.log` file; lines that are too short are left out."""
+    lines: dict[str, Lines] = {}
+    for number, line in enumerate(path.read_text("latin-1").splitlines()):
+        name, *values = (part.strip() for part in line.split(","))
+        lines.setdefault(name, []).append((number, values))
+    tables = {}
+    for _, (_, _, name, letters, *columns) in _whole(lines.get("FMT", []), 5):
+        if rows := _whole(lines.get(name, []), len(columns)):
+            tables[name] = _make_columns(rows, letters, columns)
+    return Content(
+        {name: tables[name] for name in wanted if name in tables},
+        tuple(describe_stream(name, table) for name, table in tables.items()),
+    )
+
+
+def _whole(lines: Lines, n: int) -> Lines:
+    return [(number, values) for number, values in lines if len(values) >= n]
+
+
+def _make_columns(lines: Lines, letters: str, names: list[str]) -> Table:
+    """The table of lines; NaN where a damaged one holds no number."""
+    columns: dict[str, NDArray[Any]] = {}
+    for k, (letter, name) in enumerate(zip(letters, names, strict=False)):
+        column = [values[k] for _, values in lines]
+        texts = letter in TEXTS + "M"  # modes are written by name
+        columns[name] = np.array([v.encode() if texts else to_number(v) for v in column])
+    integer = (n for n, letter in zip(names, letters, strict=False) if letter in INTEGERS)
+    return Table(np.array([number for number, _ in lines]), columns, frozenset(integer))
 
 
 def is_labelled(contents: Mapping[str, Any]) -> bool:
@@ -60,8 +193,7 @@ def read_labelled(contents: Mapping[str, Any], path: Path, source: Input) -> Log
     tables: dict[str, Table] = {}
     notes: tuple[str, ...] = ()
     for name, values in contents.items():
-        labels = contents.get(f"{name}{_LABEL}")
-        table = _make_table(values, labels) if labels is not None else None
+        table = _make_table(values, contents.get(f"{name}{_LABEL}"))
         if table is not None and name not in _WORDS:
             tables[name] = table
     if (parameters := _read_parameters(contents.get("PARM"))) is not None:
@@ -112,175 +244,3 @@ def _join_instances(tables: Mapping[str, Table]) -> dict[str, Table]:
         position = np.concatenate([part.position for part in parts])
         joined.setdefault(stem, Table(position, {**columns, "I": numbers}))
     return joined
-
-
-MAGNETOMETERS = ("MAG", "MAG2", "MAG3")
-WANTED = (
-    *MAGNETOMETERS,
-    "PARM",
-    "VER",
-    "MSG",
-    "ATT",
-    "IMU",
-    "GPS",
-    "GPA",
-    *YAW_ESTIMATORS,
-    "POS",
-    "BAT",
-    "CURR",
-    "CTUN",
-    *DISTURBERS,
-)
-
-SCHEMA = ("FMT", "FMTU", "UNIT", "MULT")
-"""Messages that describe messages."""
-
-GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
-
-_FIRST_WEEK = 1356  # that of 2006-01-01; before there were such logs
-_LONGEST_RUN_S = 1e8  # three years; what lies above is damage
-_FIRMWARE = re.compile(r"^(APM:|Ardu|Blimp|AntennaTracker)\S* V\d")
-
-
-def read(path: Path, source: Input) -> Log:
-    """The magnetometers of a dataflash log with all that was recorded beside them.
-
-    Raises `LogError` where the file is no such log or holds no magnetometer.
-    """
-    with path.open("rb") as stream:
-        text = FMT_TEXT.search(stream.read(HEAD_BYTES))
-    content = (read_text if text else read_binary)(path, WANTED)
-    return build_tables_log(content, path, source, "ArduPilot dataflash")
-
-
-def build_tables_log(content: Content, path: Path, source: Input, format: str) -> Log:
-    """The log that tables of messages are.
-
-    Raises `LogError` where none of them is of a magnetometer.
-    """
-    tables = content.tables
-    sensors = tuple(_read_samples(*mag, tables, source) for mag in _find_magnetometers(tables))
-    if not sensors:
-        reasons = f" ({'; '.join(content.notes)})" if content.notes else ""
-        raise LogError(
-            f"holds no MAG messages{reasons}; set the compass bit of LOG_BITMASK and record again",
-            path=path,
-        )
-    return Log(
-        path=path,
-        format=format,
-        source=source,
-        sensors=sensors,
-        stack="ardupilot",
-        streams=tuple(s for s in content.streams if s.name not in (*MAGNETOMETERS, *SCHEMA)),
-        notes=(*find_firmware(tables), *content.notes),
-    )
-
-
-def _find_magnetometers(tables: Tables) -> Iterator[tuple[str, str, Table]]:
-    """Name, number in the parameter names, and messages of each compass."""
-    for name in MAGNETOMETERS:
-        mag = tables.get(name)
-        if mag is None:
-            continue
-        instance = mag.get("I")
-        if instance is None:
-            yield name, name.removeprefix("MAG"), mag
-        else:
-            for i in sorted(int(i) for i in set(instance.tolist()) if math.isfinite(i)):
-                yield f"{name}[{i}]", str(i + 1) if i else "", mag.select(instance == i)
-
-
-def _parameters(tables: Tables) -> Table:
-    """The PARM messages; a table without rows where they are not in the log."""
-    table = tables.get("PARM")
-    if table is None or not {"Name", "Value"} <= set(table.columns):
-        return Table(np.empty(0, np.int64), {"Name": np.empty(0, "S16"), "Value": np.empty(0)})
-    return table
-
-
-def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Input) -> Samples:
-    """One compass, with everything else at its rows."""
-    boot = mag.time_s
-    wrong = np.zeros(len(mag), dtype=bool) if boot is None else find_misplaced(boot)
-    mag = mag.select(~wrong)
-    found = remove_correction(mag, _parameters(tables), slot)
-    gps = tables.get("GPS")
-    samples = build_samples(
-        name,
-        found,
-        list_tracks(mag, tables),
-        time=mag.time_s,
-        epoch=None if gps is None else _utc_of_boot(gps),
-        source=source,
-        rejected={"time out of sequence": int(wrong.sum())},
-        headings=list_headings(tables),
-    )
-    if boot is not None:
-        return samples
-    placed = "the messages carry no time: columns are matched by their place in the file"
-    return samples.with_columns(notes=(*samples.notes, placed))
-
-
-def _utc_of_boot(gps: Table) -> datetime | None:
-    """The median over the GPS messages that know the time, less the seconds since boot."""
-    week, milliseconds, boot = gps.get("GWk", "Week"), gps.get("GMS", "TimeMS"), gps.time_s
-    if week is None or milliseconds is None or boot is None:
-        return None
-    known = (week >= _FIRST_WEEK) & (boot < _LONGEST_RUN_S)
-    if not known.any():
-        return None
-    moment = week[known] * 604800.0 + milliseconds[known] / 1e3
-    utc = GPS_EPOCH + timedelta(seconds=float(np.median(moment - boot[known])))
-    return utc - timedelta(seconds=gps_utc_s(utc.timestamp()))
-
-
-def find_firmware(tables: Tables) -> tuple[str, ...]:
-    """The version of the autopilot, from its version or its first messages."""
-    for name, column in (("VER", "FWS"), ("MSG", "Message")):
-        if name in tables and column in tables[name].columns:
-            for text in tables[name].columns[column].tolist():
-                if _FIRMWARE.match(words := text.decode("ascii", "replace")):
-                    return (f"firmware {words.removeprefix('APM:')}",)
-    return ()
-
-
-Lines = list[tuple[int, list[str]]]
-
-
-def read_text(path: Path, wanted: Collection[str]) -> Content:
-    """The wanted messages of a `.log` file; lines that are too short are left out."""
-    lines: dict[str, Lines] = {}
-    for number, line in enumerate(path.read_text("latin-1").splitlines()):
-        name, *values = (part.strip() for part in line.split(","))
-        lines.setdefault(name, []).append((number, values))
-    tables = {}
-    for _, (_, _, name, letters, *columns) in _whole(lines.get("FMT", []), 5):
-        if rows := _whole(lines.get(name, []), len(columns)):
-            tables[name] = _table(rows, letters, columns)
-    return Content(
-        {name: tables[name] for name in wanted if name in tables},
-        tuple(describe_stream(name, table) for name, table in tables.items()),
-    )
-
-
-def _whole(lines: Lines, n: int) -> Lines:
-    return [(number, values) for number, values in lines if len(values) >= n]
-
-
-def _table(lines: Lines, letters: str, names: list[str]) -> Table:
-    columns: dict[str, NDArray[Any]] = {}
-    for k, (letter, name) in enumerate(zip(letters, names, strict=False)):
-        column = [values[k] for _, values in lines]
-        texts = letter in TEXTS + "M"  # modes are written by name
-        columns[name] = np.array([v.encode() for v in column] if texts else _numbers(column))
-    integer = (n for n, letter in zip(names, letters, strict=False) if letter in INTEGERS)
-    return Table(np.array([number for number, _ in lines]), columns, frozenset(integer))
-
-
-def _numbers(column: list[str]) -> list[float]:
-    """The values as numbers, NaN where a damaged line holds something else."""
-    try:
-        return [float(value) for value in column]
-    except ValueError:
-        return [to_number(value) for value in column]

@@ -17,7 +17,6 @@ from numpy.typing import DTypeLike, NDArray
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Stream
-from agonic.logs.rows.resample import compute_rate_Hz
 
 Bytes = NDArray[np.uint8]
 Index = NDArray[np.int64]
@@ -100,10 +99,7 @@ class Content:
 
 def describe_stream(name: str, table: Table) -> Stream:
     """How many messages of a name there are, and how often they come."""
-    time = table.time_s
-    return Stream(
-        name=name, rows=len(table), rate_Hz=None if time is None else compute_rate_Hz(time)
-    )
+    return Stream.at(name, len(table), table.time_s)
 
 
 def read_binary(path: Path, wanted: Collection[str]) -> Content:
@@ -113,7 +109,8 @@ def read_binary(path: Path, wanted: Collection[str]) -> Content:
     """
     data = load(path)
     size = len(data)
-    headers = _headers(data)
+    marks = np.flatnonzero(data[:-2] == 0xA3)
+    headers = marks[data[marks + 1] == 0x95]
     formats = _formats(data, headers)
     if not formats:
         raise LogError("no format (FMT) message found; fetch the log again", path=path)
@@ -129,7 +126,10 @@ def read_binary(path: Path, wanted: Collection[str]) -> Content:
             notes.append(f"the format of {fmt.name} contradicts itself; it was not read")
     tables: dict[str, Table] = {}
     streams = []
-    for kind, rows in _group_by_kind(data[starts + 2], starts).items():
+    kinds = data[starts + 2]
+    order = np.argsort(kinds, kind="stable")
+    found, first = np.unique(kinds[order], return_index=True)
+    for kind, rows in zip(found.tolist(), np.split(starts[order], first[1:]), strict=True):
         fmt = formats[kind]
         if fmt.readable and fmt.name in wanted and len(rows) > len(tables.get(fmt.name, ())):
             tables[fmt.name] = _table(data, rows, fmt)
@@ -169,12 +169,6 @@ def find_chained(starts: Index, ends: Index, size: int) -> Mask:
     return keep
 
 
-def _headers(data: Bytes) -> Index:
-    """Where the two marks of a header are, with a type after them."""
-    marks: Index = np.flatnonzero(data[:-2] == 0xA3)
-    return np.asarray(marks[data[marks + 1] == 0x95])
-
-
 def _formats(data: Bytes, headers: Index) -> dict[int, Format]:
     """The formats by type: of each, the first with another header or the file's end after it."""
     starts = headers[data[headers + 2] == FMT_TYPE]
@@ -190,13 +184,6 @@ def _formats(data: Bytes, headers: Index) -> dict[int, Format]:
     return formats
 
 
-def _group_by_kind(kinds: Bytes, starts: Index) -> dict[int, Index]:
-    """The places of the messages of each type, in the order of the file."""
-    order = np.argsort(kinds, kind="stable")
-    found, first = np.unique(kinds[order], return_index=True)
-    return dict(zip(found.tolist(), np.split(starts[order], first[1:]), strict=True))
-
-
 def _table(data: Bytes, starts: Index, fmt: Format, only: Collection[str] = ()) -> Table:
     """The messages at `starts`."""
     columns: dict[str, NDArray[Any]] = {}
@@ -205,7 +192,10 @@ def _table(data: Bytes, starts: Index, fmt: Format, only: Collection[str] = ()) 
         dtype = np.dtype(DTYPES[letter])
         if not only or name in only:
             values = read_values(data, starts, dtype, offset)
-            columns[name] = values if letter in TEXTS else _scale(values, letter)
+            if letter not in TEXTS:
+                with np.errstate(invalid="ignore"):  # damaged floats may be signalling NaNs
+                    values = values.astype(np.float64) / PER_UNIT.get(letter, 1.0)
+            columns[name] = values
         offset += dtype.itemsize
     integer = (n for n, letter in zip(fmt.columns, fmt.letters, strict=False) if letter in INTEGERS)
     return Table(starts, columns, frozenset(integer))
@@ -215,8 +205,3 @@ def read_values(data: Bytes, starts: Index, dtype: DTypeLike, offset: int) -> ND
     """What stands `offset` bytes after each start, by a view that steps single bytes."""
     places = max(len(data) - offset - np.dtype(dtype).itemsize + 1, 0)
     return np.ndarray(places, dtype, data, offset if places else 0, (1,))[starts]
-
-
-def _scale(values: NDArray[Any], letter: str) -> Array:
-    with np.errstate(invalid="ignore"):  # damaged floats may be signalling NaNs
-        return values.astype(np.float64) / PER_UNIT.get(letter, 1.0)

@@ -12,10 +12,10 @@ Names, units and invalid values: MAVLink, message_definitions/v1.0/common.xml.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,19 @@ EARLIEST_US, LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 200
 _SIGNED = 1
 
 
+class _Rows:
+    """Columns of one length, the first of them `Index` or `Array`."""
+
+    def __len__(self) -> int:
+        return len(next(iter(vars(self).values())))
+
+    def select(self, rows: Mask) -> Self:
+        """The rows that a mask marks."""
+        return type(self)(*(column[rows] for column in vars(self).values()))
+
+
 @dataclass(frozen=True, eq=False)
-class Packets:
+class Packets(_Rows):
     """Packets in the order of the file, (n,) each: the places of stamp, payload and end, the bytes
     of payload, the number of the message, who sent it (system · 256 + component), and when it
     arrived."""
@@ -48,16 +59,9 @@ class Packets:
     sender: Index
     received_us: Index
 
-    def __len__(self) -> int:
-        return len(self.start)
-
-    def select(self, rows: Mask) -> Packets:
-        """The packets that a mask marks."""
-        return Packets(*(getattr(self, column.name)[rows] for column in fields(self)))
-
 
 @dataclass(frozen=True, eq=False)
-class Messages:
+class Messages(_Rows):
     """All messages of one name, (n,) each: where it stood, who sent it, when it arrived, and its
     fields by name."""
 
@@ -66,17 +70,10 @@ class Messages:
     received_s: Array
     values: NDArray[np.void]
 
-    def __len__(self) -> int:
-        return len(self.position)
-
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the fields."""
         return self.values.dtype.names or ()
-
-    def select(self, rows: Mask) -> Messages:
-        """The messages that a mask marks."""
-        return Messages(*(getattr(self, column.name)[rows] for column in fields(self)))
 
 
 def find_packets(data: Bytes) -> Packets:
@@ -173,6 +170,7 @@ def _vectors(acceleration: float, rate: float, field: float) -> Columns:
 
 _TURN, _MILLI = 180 / np.pi, 1e-3
 _PLACE = {"Lat": ("lat", 1e-7), "Lng": ("lon", 1e-7), "Alt": ("alt", _MILLI)}
+_PARAMETER = {"Name": "id", "Value": "value", "Count": "count"}
 _SCALED = _vectors(STANDARD_GRAVITY_M_S2 * _MILLI, _MILLI, 1.0)
 
 INERTIAL: dict[str, Columns] = {
@@ -185,14 +183,7 @@ INERTIAL: dict[str, Columns] = {
 """Messages with a magnetometer, in mG, m/s² and rad/s; their tables keep the names."""
 
 TABLES: dict[str, tuple[str, Columns]] = {
-    "PARAM_VALUE": (
-        "PARM",
-        {
-            "Name": ("param_id", 1.0),
-            "Value": ("param_value", 1.0),
-            "Count": ("param_count", 1.0),
-        },
-    ),
+    "PARAM_VALUE": ("PARM", {n: (f"param_{p}", 1.0) for n, p in _PARAMETER.items()}),
     "STATUSTEXT": ("MSG", {"Message": ("text", 1.0)}),
     "ATTITUDE": ("ATT", {n: (n.lower(), _TURN) for n in ("Roll", "Pitch", "Yaw")}),
     "GPS_RAW_INT": ("GPS", {**_PLACE, "Status": ("fix_type", 1.0)}),
@@ -265,7 +256,11 @@ def make_tables(heard: Mapping[str, Messages], timeline: Timeline) -> dict[str, 
     """The messages as tables, each with its time on the clock of the vehicle."""
     tables = {}
     for name, (table, columns) in TABLES.items():
-        messages = _keep_informative(heard[name])
+        messages = heard[name]
+        if "current_battery" in messages.names:  # without those that nothing measures it
+            messages = messages.select(messages.values["current_battery"] != _NOT_MEASURED)
+        elif "fields_updated" in messages.names:  # or that repeat a reading
+            messages = messages.select((messages.values["fields_updated"] & _NEW_READING) > 0)
         values: dict[str, NDArray[Any]] = {"TimeUS": timeline.seconds(messages) * 1e6}
         for column, (field, factor) in columns.items():
             found = messages.values[field]
@@ -273,12 +268,3 @@ def make_tables(heard: Mapping[str, Messages], timeline: Timeline) -> dict[str, 
         if len(messages):
             tables[table] = Table(messages.position, values)
     return tables
-
-
-def _keep_informative(messages: Messages) -> Messages:
-    """The messages without those that repeat a reading or say that nothing measures it."""
-    if "current_battery" in messages.names:
-        return messages.select(messages.values["current_battery"] != _NOT_MEASURED)
-    if "fields_updated" in messages.names:
-        return messages.select((messages.values["fields_updated"] & _NEW_READING) > 0)
-    return messages

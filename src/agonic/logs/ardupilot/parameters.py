@@ -40,7 +40,10 @@ def remove_correction(mag: Table, parameters: Table, slot: str) -> Readings:
     motor = _stack_vector(mag, ("MO", "MOfs"))
     if motor is None:
         motor = np.zeros_like(field)
-    offset = _find_offset(mag, parameters, slot)
+    names = [f"COMPASS_OFS{slot}_{axis}" for axis in AXES]
+    offset = np.stack([look_up(parameters, n, mag.position) for n in names], axis=1)
+    if (coarse := _stack_vector(mag, ("Ofs",))) is not None:  # of which it holds whole milligauss
+        offset = np.where(np.abs(offset - coarse) < 1.0, offset, coarse)
     starts, matrices = find_soft_iron(parameters, slot, mag.position)
     inverse = np.repeat(np.linalg.inv(matrices), np.diff(starts, append=len(mag)), axis=0)
     uncorrected = correct(field[:, None], motor[:, None], inverse)
@@ -68,15 +71,13 @@ def find_soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, Arra
     values = np.stack([look_up(parameters, name, at) for name in names], axis=1)
     values = np.where(np.abs(values) < LARGEST_ENTRY, values, 0.0)
     starts = np.flatnonzero((np.diff(values, axis=0, prepend=np.nan) != 0).any(axis=1))
-    return starts, np.stack([_make_matrix(row[:6], row[6]) for row in values[starts]])
-
-
-def _make_matrix(six: Array, scale: float) -> Array:
-    """M s; diagonals of zero mean that there is no M, and a scale out of bounds is not used."""
-    matrix = unpack_symmetric(six) if six[:3].any() else np.eye(3)
-    if abs(np.linalg.det(matrix)) < SMALLEST_DETERMINANT:
-        matrix = np.eye(3)
-    return matrix * scale if 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE else matrix
+    matrices = []
+    for *six, scale in values[starts]:
+        matrix = unpack_symmetric(six) if any(six[:3]) else np.eye(3)  # without, there is no M
+        if abs(np.linalg.det(matrix)) < SMALLEST_DETERMINANT:
+            matrix = np.eye(3)
+        matrices.append(matrix * (scale if 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE else 1.0))
+    return starts, np.stack(matrices)
 
 
 def look_up(parameters: Table, name: str, at: Index) -> Array:
@@ -95,16 +96,6 @@ def look_up(parameters: Table, name: str, at: Index) -> Array:
 def _stack_vector(mag: Table, stems: tuple[str, ...]) -> Array | None:
     columns = [c for axis in AXES if (c := mag.get(*(stem + axis for stem in stems))) is not None]
     return np.stack(columns, axis=1) if len(columns) == len(AXES) else None
-
-
-def _find_offset(mag: Table, parameters: Table, slot: str) -> Array:
-    """OFS (n, 3), mG: the parameter, where the message holds its whole milligauss."""
-    names = [f"COMPASS_OFS{slot}_{axis}" for axis in AXES]
-    precise = np.stack([look_up(parameters, n, mag.position) for n in names], axis=1)
-    coarse = _stack_vector(mag, ("Ofs",))
-    if coarse is None:
-        return precise
-    return np.where(np.abs(precise - coarse) < 1.0, precise, coarse)
 
 
 def _notes(

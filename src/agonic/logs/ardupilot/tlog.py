@@ -26,7 +26,6 @@ from agonic.logs.ardupilot.mavlink import (
     INERTIAL,
     TABLES,
     Messages,
-    Packets,
     Timeline,
     decode,
     find_packets,
@@ -35,7 +34,7 @@ from agonic.logs.ardupilot.mavlink import (
 )
 from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
 from agonic.logs.log import Log, Readings, Stream
-from agonic.logs.rows.resample import compute_rate_Hz, find_misplaced
+from agonic.logs.rows.resample import find_misplaced
 from agonic.logs.rows.tracks import build_samples
 from agonic.provenance import Input
 from agonic.samples import Samples
@@ -68,30 +67,23 @@ _MOTORS_LEFT = "the autopilot's compensation for the motors is not in telemetry 
 
 
 def accepts(head: bytes) -> bool:
-    """Whether a file that starts with these bytes is a telemetry log: two packets end to end.
-
-    >>> packet = bytes.fromhex("0005fae012345678 fe09000101000000") + bytes(9)
-    >>> accepts(2 * packet), accepts(packet), accepts(b"ULog")
-    (True, False, False)
-    """
+    """Whether a file that starts with these bytes is a telemetry log: two packets end to end."""
     packets = find_packets(np.frombuffer(head, np.uint8))
     return bool((packets.start[1:] == packets.end[:-1]).any())
 
 
 def read(path: Path, source: Input) -> Log:
-    """The magnetometers of one vehicle in a telemetry log with all that was recorded beside them.
-
-    Raises `LogError` where the file holds no magnetometer, and `MissingExtraError` without
-    pymavlink.
-    """
+    """The magnetometers of one vehicle in a telemetry log with all that was beside them."""
     known = load_definitions()
     data = load(path)
     packets = find_packets(data)
     wanted = {name: packets.select(packets.kind == known[name].id) for name in WANTED}
     heard = {name: decode(data, some, known[name]) for name, some in wanted.items()}
-    damage = _damage(
-        int(data.size - (packets.end - packets.start).sum()),
-        sum(len(wanted[name]) - len(heard[name]) for name in WANTED),
+    skipped = int(data.size - (packets.end - packets.start).sum())
+    spoilt = sum(len(wanted[name]) - len(heard[name]) for name in WANTED)
+    damage = (
+        *(f"{skipped} bytes are damaged or cut off and were skipped",) * bool(skipped),
+        *(f"{spoilt} messages with a wrong checksum were left out",) * bool(spoilt),
     )
     vehicle, autopilot, others = _vehicle(heard)
     own = {name: messages.select(messages.sender == vehicle) for name, messages in heard.items()}
@@ -106,14 +98,20 @@ def read(path: Path, source: Input) -> Log:
             path=path,
         )
     names = {message.id: name for name, message in known.items()}
-    streams = _streams(packets.select(packets.sender == vehicle), names)
+    sent = packets.select(packets.sender == vehicle)
+    taken = {sensor.name for sensor in sensors}
+    streams = []
+    kinds, counts = np.unique(sent.kind, return_counts=True)
+    for kind, rows in zip(kinds.tolist(), counts.tolist(), strict=True):
+        if (name := names.get(kind, f"message {kind}")) not in taken:
+            streams.append(Stream.at(name, rows, sent.received_us[sent.kind == kind] / 1e6))
     return Log(
         path=path,
         format="MAVLink telemetry",
         source=source,
         sensors=sensors,
         stack=STACKS.get(autopilot, ""),
-        streams=tuple(s for s in streams if s.name not in [sensor.name for sensor in sensors]),
+        streams=tuple(streams),
         notes=(*find_firmware(tables), *others, *damage),
     )
 
@@ -132,28 +130,6 @@ def _vehicle(heard: Heard) -> tuple[int, int, tuple[str, ...]]:
     others = sorted({sender // _PER_SYSTEM for sender in autopilots} - {system})
     note = f"vehicle {system} was read; not read: {', '.join(map(str, others))}"
     return chosen, autopilots[chosen], (note,) if others else ()
-
-
-def _damage(skipped: int, spoilt: int) -> tuple[str, ...]:
-    notes = []
-    if skipped:
-        notes.append(f"{skipped} bytes are damaged or cut off and were skipped")
-    if spoilt:
-        notes.append(f"{spoilt} messages with a wrong checksum were left out")
-    return tuple(notes)
-
-
-def _streams(packets: Packets, names: Mapping[int, str]) -> tuple[Stream, ...]:
-    """What a vehicle sent, by the names of the messages."""
-    kinds, rows = np.unique(packets.kind, return_counts=True)
-    return tuple(
-        Stream(
-            name=names.get(kind, f"message {kind}"),
-            rows=n,
-            rate_Hz=compute_rate_Hz(packets.received_us[packets.kind == kind] / 1e6),
-        )
-        for kind, n in zip(kinds.tolist(), rows.tolist(), strict=True)
-    )
 
 
 def _sensors(
@@ -225,10 +201,10 @@ def _readings(name: str, mag: Table, parameters: Table | None, autopilot: int) -
 
 def _is_loaded(parameters: Table, slot: str) -> bool:
     """Whether all parameters of a compass are there that its firmware has, none lost on the way."""
-    names = set(parameters.columns["Name"].tolist())
-    offsets, diagonal, others = (
-        {f"COMPASS_{part}{slot}_{axis}".encode() for axis in AXES} for part in ("OFS", "DIA", "ODI")
+    names = {name.decode("latin-1") for name in parameters.columns["Name"].tolist()}
+    offsets, *others = (
+        {f"COMPASS_{part}{slot}_{axis}" for axis in AXES} for part in ("OFS", "DIA", "ODI")
     )
-    matrix = {*diagonal, *others, f"COMPASS_SCALE{slot}".encode()}
+    matrix = {f"COMPASS_SCALE{slot}"}.union(*others)
     complete = len(names) >= parameters.columns["Count"].max()
     return offsets <= names and (complete or matrix <= names)

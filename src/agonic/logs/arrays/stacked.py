@@ -76,12 +76,7 @@ def rename_variables(
 
 
 def compute_attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
-    """Roll, pitch and heading (n,) by rotations from sensor axes to east, north, up; NaN stays.
-
-    >>> face_up_x_north = np.array([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])
-    >>> [(a.round(9) + 0.0).tolist() for a in compute_attitude_deg(face_up_x_north)]
-    [[0.0], [0.0], [0.0]]
-    """
+    """Roll, pitch and heading (n,) by rotations from sensor axes to east, north, up; NaN stays."""
     known = np.isfinite(quat_wxyz).all(axis=1)
     rot_eb = Rotation.from_quat(quat_wxyz[known], scalar_first=True).as_matrix()
     angles = np.full((3, len(quat_wxyz)), np.nan)
@@ -135,12 +130,7 @@ def build_arrays_log(arrays: Arrays, **facts: Unpack[Facts]) -> Log:
 
 
 def build_tables(arrays: Arrays) -> tuple[list[dict[str, NDArray[Any]]], list[str]]:
-    """The columns that are understood, a table for each length, and the names of other arrays.
-
-    >>> tables, others = build_tables({"mag_uT": np.ones((3, 5)), "image": np.ones((9, 9))})
-    >>> [list(table) for table in tables], others
-    ([['mag_uT[0]', 'mag_uT[1]', 'mag_uT[2]']], ['image'])
-    """
+    """The columns that are understood, a table for each length, and the names of other arrays."""
     found = _find_columns(arrays)
     if not any(_quantity(header) == "field" for columns in found.values() for header in columns):
         found |= _find_lone(arrays, found)
@@ -213,11 +203,7 @@ def _find_lone(arrays: Arrays, known: Mapping[str, Any]) -> dict[str, dict[str, 
 
 
 def is_sampling_rate(name: str) -> bool:
-    """Whether an array is named as a sampling rate in Hz.
-
-    >>> is_sampling_rate("imu.sampling_rate"), is_sampling_rate("rate")
-    (True, False)
-    """
+    """Whether an array is named as a sampling rate in Hz."""
     return "".join(filter(str.isalpha, name.rpartition(".")[2])).lower() in SAMPLING_RATES
 
 

@@ -110,11 +110,7 @@ def since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
 
 
 def to_moments(microseconds: Array, start: datetime = UNIX) -> NDArray[np.datetime64]:
-    """Moments that are so many microseconds after another; what is not finite is no time.
-
-    >>> to_moments(np.array([1e6, np.nan])).tolist()
-    [datetime.datetime(1970, 1, 1, 0, 0, 1), None]
-    """
+    """Moments that are so many microseconds after another; what is not finite is no time."""
     known = np.isfinite(microseconds)
     steps = np.round(np.where(known, microseconds, 0.0)).astype("timedelta64[us]")
     stamps = np.datetime64(start.replace(tzinfo=None), "us") + steps
@@ -200,9 +196,6 @@ def spread_ties(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     A clock is coarse where it stands still although the readings (n, 3) change, in more than a
     few rows; a repeated row is not a tick and is left for `Samples` to reject. Row i of a run of
     k at time t becomes t + (i/k) min(t' − t, median tick), t' being the next time.
-
-    >>> spread_ties(np.array([0.0, 0.0, 1.0, 1.0]), np.arange(12.0).reshape(4, 3))[0]
-    array([0. , 0.5, 1. , 1.5])
     """
     rows = np.flatnonzero(np.isfinite(time))
     ticks = time[rows]

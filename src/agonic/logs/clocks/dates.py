@@ -38,12 +38,6 @@ def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
 
     `None` where they are plain numbers. A time of day is told by its minutes: no number has more
     than 59 seconds, and from one minute to the next it leaps by 40 more than otherwise.
-
-    >>> seconds, dated, _ = read_digits_s(np.array([81558.0, 81559.0, 81600.0, 81601.0]))
-    >>> np.diff(seconds).tolist(), dated
-    ([1.0, 1.0, 1.0], False)
-    >>> read_digits_s(np.array([58.0, 59.0, 60.0, 61.0])) is None
-    True
     """
     finite = numbers[np.isfinite(numbers)]
     low, high = (finite.min(), finite.max()) if len(finite) >= _FEWEST else (-1.0, -1.0)
@@ -131,11 +125,7 @@ AMBIGUOUS = "dates left out: they may be day/month or month/day; write 2026-03-0
 
 
 def find_order(texts: Iterable[str]) -> str | None:
-    """Whether dates with slashes have the day or the month first; `None` where nothing shows it.
-
-    >>> find_order(["03/05/2026 8:15", "03/14/2026 8:15"])
-    'month first'
-    """
+    """Whether dates with slashes have the day or the month first; `None` where nothing shows it."""
     for text in texts:
         if match := _SLASHES.match(text.strip()):
             if int(match["first"]) > 12 and len(match["year"]) == 4:  # 22/01/13 may begin with 2022
@@ -146,11 +136,7 @@ def find_order(texts: Iterable[str]) -> str | None:
 
 
 def has_slashes(text: str) -> bool:
-    """Whether a text begins with a date whose order must be found.
-
-    >>> has_slashes("03/05/2026 8:15"), has_slashes("2026/05/03 8:15")
-    (True, False)
-    """
+    """Whether a text begins with a date whose order must be found."""
     return _SLASHES.match(text.strip()) is not None
 
 
@@ -158,9 +144,6 @@ def write_iso(text: str, order: str | None) -> str | None:
     """A moment, or a time of day, as ISO 8601; `None` where it is neither.
 
     `order` is that of day and month in dates with slashes; without, those lose their date.
-
-    >>> write_iso("3.5.2026 08:15:30,250", None), write_iso("05/03/2026 1:02:03.5 PM", MONTH_FIRST)
-    ('2026-05-03T08:15:30.250000', '2026-05-03T13:02:03.500000')
     """
     plain = text[:_LONGEST].strip().strip("\"'")
     split = _DATE.fullmatch(plain)
@@ -209,13 +192,6 @@ def read_duration_s(text: str) -> float | None:
     """Seconds of a number with a unit of time behind it, or of minutes and seconds with a point.
 
     `None` for anything else.
-
-    >>> read_duration_s("0.020 sec"), read_duration_s("20 ms"), read_duration_s("8:15")
-    (0.02, 0.02, None)
-    >>> read_duration_s("02:05.5")  # as Excel writes mm:ss.0
-    125.5
-    >>> read_duration_s("0 days 00:02:05.5")  # as pandas writes a timedelta
-    125.5
     """
     plain = text[:_LONGEST].strip().strip("\"'")
     if match := _DAYS.fullmatch(plain):

@@ -26,6 +26,7 @@ from pathlib import Path
 from agonic.errors import LogError
 from agonic.logs.headers.conventions import name_documented
 from agonic.logs.headers.header import LONGEST, Column, identify_column
+from agonic.logs.headers.quantities import DOCUMENT
 
 _BESIDE = ".toml"
 _AXES = "xyz"
@@ -33,18 +34,10 @@ _UNIT_BEHIND = re.compile(r"[,;(\[{]\s*([^,;(\[{}\])]+)[)\]}]?\s*$")
 _FIELD_BEHIND = re.compile(r"_(nT|uT|[µμ]T|mT|mG|Gauss|gauss)$")
 _LIKE_A_CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
 
-_MOMENT = {
-    "year": "year years yyyy yr jahr",
-    "month": "month months mon mo monat",
-    "day_of_month": "day days dd dom dayofmonth tag",
-    "day_of_year": "doy dayofyear yday jday",
-    "hour": "hour hours hr hrs hh h stunde",
-    "minute": "minute minutes mins min mn",
-    "second_of_minute": "second seconds secs sec ss s",
-    "millisecond": "millisecond milliseconds millis msec ms",
+_DATE, _TIME_OF_DAY = DOCUMENT["parts"]["date"], DOCUMENT["parts"]["time"]
+_PART_OF = {
+    word: part for part, words in {**_DATE, **_TIME_OF_DAY}.items() for word in words.split()
 }
-_DATE, _TIME_OF_DAY = tuple(_MOMENT)[:4], tuple(_MOMENT)[4:]
-_PART_OF = {word: part for part, words in _MOMENT.items() for word in words.split()}
 _AFTER = {"year": "month", "hour": "minute"}
 """What mm or m stands for, by the part before it."""
 _IDLE = re.compile(r"(?i)utc|gmt|time|date|[\W\d_]+")
@@ -70,9 +63,6 @@ class ColumnNames:
         """The headers as they should be read: others for the same quantity become empty.
 
         Raises `LogError` where a header is not there.
-
-        >>> parse_names("time_s=t,x=a,y=b,z=c").rename(["t", "a", "b", "c", "mx"])
-        ['time_s', 'mag_x', 'mag_y', 'mag_z', '']
         """
         ours = {
             theirs: _canonical(name, self.unit, theirs) for name, theirs in self.headers.items()
@@ -84,7 +74,10 @@ class ColumnNames:
         if missing:
             there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
             raise LogError(f"{self.where} names {missing[0]!r}; the columns are {there}")
-        replaced = _of_sensor if self.several else _quantity
+
+        def replaced(header: str) -> tuple[str, str]:
+            return _quantity(header), _sensor(header) if self.several else ""
+
         named = {replaced(name) for name in ours.values()}
         return [ours.get(h, "" if replaced(h) in named else h) for h in headers]
 
@@ -95,13 +88,7 @@ _scalar: ContextVar[str | None] = ContextVar("scalar", default=None)
 
 
 def _canonical(name: str, unit: str | None, theirs: str = "") -> str:
-    """The header that stands for a name on the left, with the unit that theirs has.
-
-    >>> _canonical("x", None, "Channel 1 [mG]"), _canonical("temperature", None, "T2, K")
-    ('mag_x_mG', 'temperature_k')
-    >>> _canonical("x", None, "mag_x_nT"), _canonical("x", "mG", "S0_uT")
-    ('mag_x_nT', 'mag_x_uT')
-    """
+    """The header that stands for a name on the left, with the unit that theirs has."""
     ours = f"mag_{name}" if name in _AXES else name
     column = identify_column(ours)
     if column is None or column.unit is not None:
@@ -126,10 +113,6 @@ def _read_unit(ours: str, theirs: str, column: Column) -> str | None:
 def _sensor(header: str) -> str:
     column = identify_column(header)
     return "" if column is None else column.sensor
-
-
-def _of_sensor(header: str) -> tuple[str, str]:
-    return _quantity(header), _sensor(header)
 
 
 def _quantity(header: str) -> str:
@@ -166,13 +149,7 @@ def give_names(text: str | None) -> None:
 
 
 def write_given_names() -> str:
-    """The names that were given, as one types them; "" where none were.
-
-    >>> give_names("time_s=t, x=a")
-    >>> write_given_names()
-    'time_s=t,x=a'
-    >>> give_names(None)
-    """
+    """The names that were given, as one types them; "" where none were."""
     given = _given.get()
     return "" if given is None else ",".join(f"{a}={b}" for a, b in given.headers.items())
 
@@ -241,11 +218,6 @@ def _name_parts(headers: Sequence[str]) -> list[str]:
     """The headers, those of the parts of a moment with canonical names.
 
     `h`, `mm` and `Sec` mean that beside each other only.
-
-    >>> _name_parts(["YYYY", "MM", "DD", "hh", "mm", "ss", "Bx"])[3:]
-    ['hour', 'minute', 'second_of_minute', 'Bx']
-    >>> _name_parts(["s", "mx", "min", "day"])
-    ['s', 'mx', 'min', 'day']
     """
     found: list[str] = []
     for header in headers:
@@ -261,11 +233,7 @@ def _name_parts(headers: Sequence[str]) -> list[str]:
 
 
 def _name_strength(headers: Sequence[str]) -> list[str]:
-    """The headers, with `hx, hy, hz` as the field where all three are there and no other field is.
-
-    >>> _name_strength(["t", "HX(uT)", "HY(uT)", "HZ(uT)"]), _name_strength(["Hz"])
-    (['t', 'magX(uT)', 'magY(uT)', 'magZ(uT)'], ['Hz'])
-    """
+    """The headers, with `hx, hy, hz` as the field where all three are and no other field is."""
     axes = [match[1].lower() for h in headers if (match := _STRENGTH.match(h))]
     if sorted(axes) != [*_AXES] or any(_quantity(header) == "field" for header in headers):
         return list(headers)
@@ -278,11 +246,7 @@ def number_columns(width: int) -> list[str] | None:
 
 
 def suggest_names(headers: Iterable[str]) -> str:
-    """The option that would name the columns of a magnetometer, guessed from the headers.
-
-    >>> suggest_names(["clock", "Sens0", "Sens1", "Sens2"])
-    '--columns time=clock,x=Sens0,y=Sens1,z=Sens2 --unit uT'
-    """
+    """The option that would name the columns of a magnetometer, guessed from the headers."""
     known = [header for header in headers if len(header) <= LONGEST]
     free = [header for header in known if identify_column(header) is None]
     time = next((h for h in known if _quantity(h) == "time" or _LIKE_A_CLOCK.search(h)), None)

@@ -31,11 +31,7 @@ def refuse_many(count: int, what: str = "") -> None:
 
 
 def find_columns(headers: Sequence[str]) -> dict[int, str]:
-    """The columns that are understood, by position; none may be there twice.
-
-    >>> find_columns(["no", "mag_x", "mag_y"])
-    {1: 'mag_x', 2: 'mag_y'}
-    """
+    """The columns that are understood, by position; none may be there twice."""
     refuse_many(len(headers))
     sensors = _name_sensors(headers)
     found = {i: h for i, h in enumerate(headers) if identify_column(h, sensors) is not None}
@@ -46,11 +42,7 @@ def find_columns(headers: Sequence[str]) -> dict[int, str]:
 
 
 def find_quantities(headers: Iterable[str]) -> dict[str, str]:
-    """The quantity that each header names, "" where none; beside headers that name sensors.
-
-    >>> find_quantities(["mmc_x_uT", "mmc_temperature_C", "note"])
-    {'mmc_x_uT': 'field', 'mmc_temperature_C': 'temperature', 'note': ''}
-    """
+    """The quantity that each header names, "" where none; beside headers that name sensors."""
     headers = list(headers)
     sensors = _name_sensors(headers)
     found = {header: identify_column(header, sensors) for header in headers}
@@ -72,9 +64,6 @@ def identify_columns(headers: Iterable[str]) -> Identified:
 
     Two that could be the same thing beside the field are left out; of the others, raises
     `LogError` naming both.
-
-    >>> identify_columns(["t", "mag2_x", "note"])["field"]["2"]["x"].header
-    'mag2_x'
     """
     headers = list(headers)
     sensors = _name_sensors(headers)
@@ -89,21 +78,19 @@ def identify_columns(headers: Iterable[str]) -> Identified:
         doubtful: set[str] = set()
         for column in (column for column in columns if column.rank == best):
             twin = axes.setdefault(column.axis, column)
-            if twin.header == "timestamp" and _OF_DEVICE.search(column.header):
-                continue
-            if twin is column or best == LAST or _add_fraction(axes, twin, column):
+            of_device = twin.header == "timestamp" and _OF_DEVICE.search(column.header)
+            if of_device or twin is column or best == LAST or _add_fraction(axes, twin, column):
                 continue
             if (preferred := _prefer(twin, column)) is not None:
                 axes[column.axis] = preferred
-                continue
-            if name in _BESIDE:
+            elif name in _BESIDE:
                 doubtful.add(column.axis)
-                continue
-            raise LogError(
-                f"{twin.header!r} and {column.header!r} could both be the "
-                f"{' '.join(filter(None, (column.quantity.name, sensor, column.axis)))} "
-                "column; rename or remove one of them, or say which with --columns"
-            )
+            else:
+                what = " ".join(filter(None, (column.quantity.name, sensor, column.axis)))
+                raise LogError(
+                    f"{twin.header!r} and {column.header!r} could both be the {what} column; "
+                    "rename or remove one of them, or say which with --columns"
+                )
         if kept := {axis: column for axis, column in axes.items() if axis not in doubtful}:
             found.setdefault(name, {})[sensor] = kept
     return found
@@ -119,11 +106,7 @@ _BESIDE = frozenset(
 
 
 def find_doubtful(headers: Iterable[str]) -> list[str]:
-    """The columns of one quantity beside the field that were left out as there are several.
-
-    >>> find_doubtful(["mx", "my", "mz", "yaw (rad)", "heading (deg)"])
-    ['yaw (rad)', 'heading (deg)']
-    """
+    """The columns of one quantity beside the field that were left out as there are several."""
     headers = list(headers)
     found = identify_columns(headers)
     known = find_quantities(headers)
@@ -149,20 +132,14 @@ def _prefer(one: Column, other: Column) -> Column | None:
 
 
 def find_rivals(headers: Iterable[str], axes: Mapping[str, Column]) -> list[str]:
-    """The columns x, y, z of the same field that were not taken: calibrated beside raw.
-
-    >>> headers = [f"mag_{a}_{what}" for what in ("raw", "cal") for a in "xyz"]
-    >>> find_rivals(headers, identify_columns(headers)["field"][""])
-    ['mag_x_cal', 'mag_y_cal', 'mag_z_cal']
-    """
+    """The columns x, y, z of the same field that were not taken: calibrated beside raw."""
     taken = {column.header for column in axes.values()}
     rivals: dict[str, str] = {}
     for header in headers:
-        plain = _CHANGED.sub("", header)
-        column = None if header in taken or plain == header else identify_column(plain)
-        column = identify_column(header) if column is None and header not in taken else column
-        alike = column is not None and column.quantity.column == "field"
-        if column is not None and alike and column.sensor == axes["x"].sensor:
+        if header in taken:
+            continue
+        column = identify_column(_CHANGED.sub("", header)) or identify_column(header)
+        if column and column.quantity.column == "field" and column.sensor == axes["x"].sensor:
             rivals.setdefault(column.axis, header)
     return [rivals[axis] for axis in "xyz"] if len(rivals) == 3 else []
 

@@ -91,24 +91,26 @@ def apply_conventions(
     """
     headers = list(headers)
     _refuse_other_sensor(found, stem)
-    units: dict[str, list[tuple[Convention, str]]] = {}
-    for convention in list_conventions():
-        if convention.fits(headers, stem):
-            for quantity, unit in convention.units.items():
-                units.setdefault(quantity, []).append((convention, unit))
-    if not units:
-        return found, ()
+    known = [one for one in list_conventions() if one.units and one.fits(headers, stem)]
     used: dict[str, list[str]] = {}
-    told = {
+
+    def complete(column: Column) -> Column:
+        """A column with the first unit that its format documents, if it names none itself."""
+        quantity = column.quantity
+        for one in known if column.unit is None else ():
+            if quantity.column in one.units and re.search(one.only, column.header):
+                used.setdefault(one.name, []).append(quantity.name)
+                return replace(column, unit=one.units[quantity.column], documented=one.name)
+        return column
+
+    completed = {
         quantity: {
-            sensor: {
-                axis: _tell(column, units.get(quantity, ()), used) for axis, column in a.items()
-            }
-            for sensor, a in groups.items()
+            sensor: {axis: complete(column) for axis, column in axes.items()}
+            for sensor, axes in groups.items()
         }
         for quantity, groups in found.items()
     }
-    return told, tuple(
+    return completed, tuple(
         f"{', '.join(dict.fromkeys(names))}: units as {format} documents"
         for format, names in used.items()
     )
@@ -117,9 +119,6 @@ def apply_conventions(
 def name_documented(headers: Sequence[str], title: str = "") -> list[str]:
     """The headers, those by canonical names that only the format of the table tells, or the lines
     above it.
-
-    >>> name_documented(["X", "Y", "Z", "compX"])[::3]
-    ['acc_x_g', 'mag_x']
     """
     known: dict[str, str] = {}
     for convention in list_conventions():
@@ -129,36 +128,13 @@ def name_documented(headers: Sequence[str], title: str = "") -> list[str]:
 
 
 def find_correction(headers: Iterable[str]) -> tuple[str, ...]:
-    """`CORRECTED` where the format of the table holds readings that are, else nothing.
-
-    >>> find_correction(["TimeUS", "MagX", "MagY", "MagZ"])
-    ()
-    """
+    """`CORRECTED` where the format of the table holds readings that are, else nothing."""
     return (CORRECTED,) if _OFFSETS.issubset(headers) else ()
 
 
 def is_corrected(axes: Mapping[str, Column]) -> bool:
-    """Whether the columns of a field are of those that a device writes after its own correction.
-
-    >>> from agonic.logs.headers.columns import identify_columns
-    >>> found = identify_columns([f"motionMagneticField{axis}(µT)" for axis in "XYZ"])
-    >>> is_corrected(found["field"]["motion"])
-    True
-    """
+    """Whether the columns of a field are of those that a device writes after its own correction."""
     return any(_CORRECTED.search(column.header) for column in axes.values())
-
-
-def _tell(
-    column: Column, documented: Iterable[tuple[Convention, str]], used: dict[str, list[str]]
-) -> Column:
-    """A column with the first unit that its format documents, if it names none itself."""
-    if column.unit is not None:
-        return column
-    for convention, unit in documented:
-        if re.search(convention.only, column.header):
-            used.setdefault(convention.name, []).append(column.quantity.name)
-            return replace(column, unit=unit, documented=convention.name)
-    return column
 
 
 def _refuse_other_sensor(found: Identified, stem: str) -> None:
@@ -181,13 +157,7 @@ def _refuse_other_sensor(found: Identified, stem: str) -> None:
 
 
 def find_named_quantity(name: str) -> str:
-    """The vector quantity that a file, a table or a row is named for; "" where it is none.
-
-    >>> find_named_quantity("mpu6050_accelerometer"), find_named_quantity("TotalAcceleration")
-    ('acceleration', 'acceleration')
-    >>> find_named_quantity("Magnetometer"), find_named_quantity("Gravity")
-    ('field', '')
-    """
+    """The vector quantity that a file, a table or a row is named for; "" where it is none."""
     words = re.split(r"[\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name))
     for text in (name, *words):
         column = identify_column(f"{text} x") if len(text) > 2 else None

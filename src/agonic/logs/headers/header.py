@@ -88,9 +88,11 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
         return None
     if split and (named := spelled.OF_GPS.get(spelled.squash(text).lower())):  # Time (GPS TOW)
         return Column(header=header, quantity=BY_COLUMN[named], rank=spelled.ALIAS)
-    found = _identify(header, spelled.squash(name), unit)
-    found = found or _identify_with_sensor(header, name, unit, sensors)
-    return found or _identify_disturber(header.strip())
+    return (
+        _identify(header, spelled.squash(name), unit)
+        or _identify_with_sensor(header, name, unit, sensors)
+        or _identify_disturber(header.strip())
+    )
 
 
 def _identify_disturber(header: str) -> Column | None:
@@ -128,22 +130,18 @@ def _identify(header: str, name: str, bracket: str) -> Column | None:
         return None
     axis = "".join(axes).lower()
     for quantity, rank in choices:
-        if (
-            rank == spelled.FALLBACK
-            and quantity.column == "field"
-            and not _may_be_bare(suffix or bracket)
-        ):
-            continue
-        if rank == spelled.LAST and spelled.squash(header).lower() not in quantity.last.split():
-            continue
-        if axis not in quantity.axes.split() and (axis or quantity.axes):
+        field = quantity.column == "field"
+        bare = field and rank == spelled.FALLBACK
+        last = rank == spelled.LAST and spelled.squash(header).lower() not in quantity.last.split()
+        amiss = axis not in quantity.axes.split() and (axis or quantity.axes)
+        if last or amiss or (bare and not _may_be_bare(suffix or bracket)):
             continue
         known, unit = _unit(quantity, suffix, bracket)
         if not known:
             continue
         if header == canonical_header(quantity.column, axis, unit):
             rank = spelled.CANONICAL
-        if quantity.column == "field" and re.search("uncal|uncomp", name, re.IGNORECASE):
+        if field and re.search("uncal|uncomp", name, re.IGNORECASE):
             rank = spelled.PREFERRED
         return Column(
             header=header, quantity=quantity, axis=axis, sensor=number, unit=unit, rank=rank
@@ -163,8 +161,12 @@ def _identify_with_sensor(
 ) -> Column | None:
     """What a name says behind the words that name a sensor."""
     tokens = spelled.TOKEN.findall(name)
-    if len(tokens) > 1 and tokens[-1].lower() in ("imu", "gps", "gnss"):
-        return _of_a_clock(header, tokens, unit)
+    if len(tokens) > 1 and tokens[-1].lower() in ("imu", "gps", "gnss"):  # timestamp_sec_imu
+        column = _identify(header, "".join(tokens[:-1]), unit)
+        if column is None or column.quantity.column != "time":
+            return None
+        whose = tokens[-1].lower()
+        return replace(column, axis="", sensor="" if whose == "imu" else whose)
     for before, rest in ((tokens[:at], "".join(tokens[at:])) for at in range(1, len(tokens))):
         if not unit and spelled.TIME_OR_TEMPERATURE.fullmatch(rest):
             return None
@@ -173,59 +175,29 @@ def _identify_with_sensor(
         column = _identify(header, rest, unit)
         if column is None:
             continue
+        quantity = column.quantity.column
         sensor = _name_sensor(before, column.quantity)
-        bare = column.rank == spelled.FALLBACK and column.quantity.column in ("field", "time")
+        bare = column.rank == spelled.FALLBACK and quantity in ("field", "time")
         if sensor is None or (bare and not _is_field_unit(column, rest, unit)):
             return None
-        if (
-            not column.axis
-            and column.quantity.column != "time"
-            and sensor
-            and sensor not in sensors
-            and "/" not in header
-        ):
+        scalar = not column.axis and quantity != "time"
+        if scalar and sensor and sensor not in sensors and "/" not in header:
             return None
-        rank = spelled.ALIAS if column.quantity.column == "field" else column.rank
+        rank = spelled.ALIAS if quantity == "field" else column.rank
         if re.search("uncal|uncomp", "".join(before), re.IGNORECASE):
             rank = spelled.PREFERRED
-        return Column(
-            header=header,
-            quantity=column.quantity,
-            axis=column.axis,
-            sensor=f"{sensor}{column.sensor}",
-            unit=column.unit,
-            rank=rank,
-        )
+        return replace(column, sensor=f"{sensor}{column.sensor}", rank=rank)
     return None
 
 
 def is_unit(text: str) -> bool:
-    """Whether a word is a unit of anything that a column can hold.
-
-    >>> is_unit("uTesla"), is_unit("m/s^2"), is_unit("Heading")
-    (True, True, False)
-    """
+    """Whether a word is a unit of anything that a column can hold."""
     return spelled.squash(spell_out(text)).lower() in spelled.UNITS
 
 
 def names_reading(name: str) -> bool:
-    """Whether no word of a name says that it stands for something that no sensor reads.
-
-    >>> names_reading("data"), names_reading("hard_iron_bias")
-    (True, False)
-    """
+    """Whether no word of a name says that it stands for something that no sensor reads."""
     return not spelled.NO_READING.intersection(word.lower() for word in spelled.TOKEN.findall(name))
-
-
-def _of_a_clock(header: str, tokens: list[str], unit: str) -> Column | None:
-    """A time whose last word says whose it is: `timestamp_sec_imu`."""
-    column = _identify(header, "".join(tokens[:-1]), unit)
-    if column is None or column.quantity.column != "time":
-        return None
-    sensor = "" if tokens[-1].lower() == "imu" else tokens[-1].lower()
-    return Column(
-        header=header, quantity=column.quantity, sensor=sensor, unit=column.unit, rank=column.rank
-    )
 
 
 def _name_sensor(words: Sequence[str], quantity: Quantity) -> str | None:
@@ -239,7 +211,9 @@ def _name_sensor(words: Sequence[str], quantity: Quantity) -> str | None:
         own = _identify(word, f"{word}x", "") or _identify(word, word, "")
         if own is None or own.rank == spelled.FALLBACK:
             kept.append(word)
-        elif own.quantity.column == quantity.column or _belongs(own.quantity, quantity):
+        elif own.quantity.column == quantity.column or (
+            own.quantity.column == "field" and quantity.column in _OF_MAGNETOMETER
+        ):
             kept += [own.sensor] if own.sensor else []
         elif own.quantity.axes and quantity.column == "time":
             kept.append(word)  # acc_time
@@ -250,10 +224,8 @@ def _name_sensor(words: Sequence[str], quantity: Quantity) -> str | None:
     return "_".join(kept)
 
 
-def _belongs(own: Quantity, quantity: Quantity) -> bool:
-    """Whether a column named for one quantity may tell another of the magnetometer: mag1_temp."""
-    beside = ("time", "temperature", "roll_deg", "pitch_deg", "unit")
-    return own.column == "field" and quantity.column in beside
+_OF_MAGNETOMETER = ("time", "temperature", "roll_deg", "pitch_deg", "unit")
+"""What a column named for a magnetometer may hold beside its field: mag1_temp."""
 
 
 def _is_field_unit(column: Column, rest: str, bracket: str) -> bool:

@@ -79,11 +79,7 @@ BY_COLUMN = {quantity.column: quantity for quantity in QUANTITIES}
 
 
 def canonical_header(column: str, axis: str = "", unit: str | None = None) -> str:
-    """The name that `write_csv` gives to a column; the field's carries the unit of the samples.
-
-    >>> canonical_header("field", "x", "nT"), canonical_header("acceleration", "z")
-    ('mag_x_nT', 'acc_z_m_s2')
-    """
+    """The name that `write_csv` gives to a column; the field's carries the unit of the samples."""
     quantity = BY_COLUMN[column]
     written = unit or "" if column in ("field", "second") else quantity.unit
     return "_".join(part for part in (quantity.name, axis, written) if part)

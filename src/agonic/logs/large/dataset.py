@@ -46,11 +46,7 @@ def select_table(files: Sequence[str]) -> str:
 
 
 def quote(name: str) -> str:
-    """A column's name in SQL.
-
-    >>> quote('mag "x"')
-    '"mag ""x""\"'
-    """
+    """A column's name in SQL."""
     return '"' + name.replace('"', '""') + '"'
 
 

@@ -155,11 +155,7 @@ def _second_pass(db: Any, dataset: Dataset, channel: Channel, n: int) -> Array:
 
 
 def _product(exponents: tuple[int, ...]) -> str:
-    """x^a y^b z^c by the products of two that are at hand.
-
-    >>> _product((3, 1, 0)), _product((0, 2, 1)), _product((0, 0, 1))
-    ('xx * xy', 'yy * z', 'z')
-    """
+    """x^a y^b z^c by the products of two that are at hand."""
     letters = "".join(axis * power for axis, power in zip("xyz", exponents, strict=True))
     return " * ".join(filter(None, (letters[:2], letters[2:])))
 

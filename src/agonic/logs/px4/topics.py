@@ -76,8 +76,10 @@ def list_tracks(topics: Topics, time: Array, rotation_bm: Rotation | None) -> It
         yield Track(name, fixed, values, time)
     for name, topic, values in _list_disturbers(topics):
         yield track(name, topic, values)
-    for k, battery in enumerate(_list_batteries(topics), start=1):
-        current = battery["current_a"].astype(np.float64)
+    batteries = [topics[name] for name in sorted(topics) if name.startswith(BATTERY)]
+    measured = [b for b in batteries if "current_a" in b and (b["current_a"] > 0).any()]
+    for k, battery in enumerate(measured, start=1):
+        current = battery["current_a"].astype(np.float64)  # a negative one is unknown
         name = "current_A" if k == 1 else f"battery{k}_A"
         yield track(name, battery, np.where(current >= 0, current, np.nan))
 
@@ -126,13 +128,6 @@ def _list_disturbers(topics: Topics) -> Iterator[tuple[str, Topic, Array]]:
             values = factor * topic[column].astype(np.float64) + offset
             least = -1.0 if motors else 0.0
             yield name, topic, np.clip(values, least, 1.0) if name.endswith("_duty") else values
-
-
-def _list_batteries(topics: Topics) -> list[Topic]:
-    """The batteries that measure their current; a negative one is unknown."""
-    names = sorted(name for name in topics if name.startswith(BATTERY))
-    found = [topics[name] for name in names if "current_a" in topics[name]]
-    return [battery for battery in found if (battery["current_a"] > 0).any()]
 
 
 def _find_place(topics: Topics) -> tuple[dict[str, Array], Array]:
@@ -197,9 +192,6 @@ def compute_euler_deg(quat_wxyz: ArrayLike) -> tuple[Array, Array, Array]:
     """Roll, pitch, heading in degrees, (n,) each, of q (n, 4) from body to north-east-down.
 
     heading 0…360, of the yaw-pitch-roll sequence; q may have any length but zero.
-
-    >>> [a.round(9).tolist() for a in compute_euler_deg([[0.5**0.5, 0.0, 0.0, 0.5**0.5]])]
-    [[0.0], [0.0], [90.0]]
     """
     q = np.asarray(quat_wxyz, dtype=np.float64)
     w, x, y, z = (q / np.linalg.norm(q, axis=-1, keepdims=True)).T

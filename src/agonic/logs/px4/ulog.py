@@ -30,7 +30,7 @@ from agonic.logs.px4.topics import (
     read_time_s,
     stack_vector,
 )
-from agonic.logs.rows.resample import compute_rate_Hz, find_misplaced
+from agonic.logs.rows.resample import find_misplaced
 from agonic.logs.rows.tracks import Track, build_samples
 from agonic.maths.equation.affine import correct
 from agonic.maths.equation.symmetric import unpack_symmetric
@@ -58,7 +58,16 @@ def remove_correction(
     `in_body` tells a corrected topic, in body axes, from `sensor_mag`; `device_id` names the
     sensor, `None` the primary one; `external` is true for a sensor that is not on the board.
     """
-    slot = find_slot(parameters, device_id)
+    wanted = int(read_number(parameters, PRIMARY)) if device_id is None else device_id
+    # parameters are signed, device ids in topics are not
+    slot = next(
+        (
+            slot
+            for slot in SLOTS
+            if wanted and (int(read_number(parameters, f"{slot}_ID")) - wanted) % 2**32 == 0
+        ),
+        None,
+    )
     logged = read_correction(parameters, slot) if slot else None
     rotation_bm = read_mounting(parameters, slot, external)
     notes: tuple[str, ...] = ()
@@ -75,16 +84,6 @@ def remove_correction(
         inverse: Array = np.linalg.inv(logged.matrix).astype(np.float64)
         field = correct(field, np.zeros(3), inverse) + logged.bias
     return Readings(field=field, frame="m", rotation_bm=rotation_bm, logged=logged, notes=notes)
-
-
-def find_slot(parameters: Parameters, device_id: int | None) -> str | None:
-    """The slot CAL_MAGn that a sensor uses; without a device id, that of the primary sensor."""
-    wanted = int(read_number(parameters, PRIMARY)) if device_id is None else device_id
-    for slot in SLOTS:
-        # parameters are signed, device ids in topics are not
-        if wanted and (int(read_number(parameters, f"{slot}_ID")) - wanted) % 2**32 == 0:
-            return slot
-    return None
 
 
 def read_correction(parameters: Parameters, slot: str) -> Logged | None:
@@ -145,8 +144,7 @@ _NO_NEW_READING = 0x7FFFFFFF  # as magnetometer_timestamp_relative
 def read(path: Path, source: Input) -> Log:
     """The magnetometers of a PX4 log with all that was recorded beside them.
 
-    Topics that have no bearing on a magnetometer are neither decoded nor listed. Raises `LogError`
-    where the file cannot be read or holds no magnetometer.
+    Topics that have no bearing on a magnetometer are neither decoded nor listed.
     """
     ulog = _parse(path)
     topics = {f"{d.name}[{d.multi_id}]": d.data for d in ulog.data_list if "timestamp" in d.data}
@@ -164,9 +162,6 @@ def read(path: Path, source: Input) -> Log:
             "log sensor_mag and record again",
             path=path,
         )
-    others = {
-        name: read_time_s(topic) for name, topic in sorted(topics.items()) if name not in names
-    }
     return Log(
         path=path,
         format="PX4 ULog",
@@ -174,8 +169,10 @@ def read(path: Path, source: Input) -> Log:
         sensors=tuple(sensors),
         stack="px4",
         streams=tuple(
-            Stream(name=name, rows=len(time), rate_Hz=compute_rate_Hz(time))
-            for name, time in others.items()
+            Stream.at(name, len(time), time)
+            for name, topic in sorted(topics.items())
+            if name not in names
+            for time in [read_time_s(topic)]
         ),
         notes=(*_notes(ulog), *left_out),
     )

@@ -29,7 +29,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.logs.contents import explain_damage
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.header import identify_column
-from agonic.logs.log import Log, Stream
+from agonic.logs.log import Facts, Log, Stream
 from agonic.provenance import Input
 from agonic.samples import Samples
 
@@ -38,14 +38,7 @@ Edges = Mapping[tuple[str, str], Rotation]
 
 
 def find_rotation(edges: Edges, into: str, out_of: str) -> Rotation | None:
-    """The rotation from components in one frame to those in another; `None` where none leads there.
-
-    >>> turn = Rotation.from_euler("z", 90, degrees=True)
-    >>> edges = {("base", "imu"): turn, ("base", "mag"): turn * turn}
-    >>> found = find_rotation(edges, "mag", "imu")
-    >>> found.as_euler("ZYX", degrees=True).round(6)[0] + 0.0
-    np.float64(-90.0)
-    """
+    """The rotation from components in one frame to another; `None` where none leads there."""
     steps: dict[str, dict[str, Rotation]] = {}
     for (parent, child), rotation in edges.items():
         steps.setdefault(child, {})[parent] = rotation
@@ -89,18 +82,13 @@ def _vector(stem: str, vector: Any) -> dict[str, float]:
     return {f"{stem}_{axis}": getattr(vector, axis) for axis in "xyz"}
 
 
-def _read_field(message: Any) -> Row:
-    return _vector("magnetic_field", message.magnetic_field)
-
-
 def _read_imu(message: Any) -> Row:
     """Acceleration, rate and orientation; −1 first in a covariance means that there is none."""
     q = message.orientation
     parts: dict[str, float] = {}
-    if message.linear_acceleration_covariance[0] != -1:
-        parts |= _vector("linear_acceleration", message.linear_acceleration)
-    if message.angular_velocity_covariance[0] != -1:
-        parts |= _vector("angular_velocity", message.angular_velocity)
+    for stem in ("linear_acceleration", "angular_velocity"):
+        if getattr(message, f"{stem}_covariance")[0] != -1:
+            parts |= _vector(stem, getattr(message, stem))
     if message.orientation_covariance[0] != -1 and q.w**2 + q.x**2 + q.y**2 + q.z**2 > 0.25:
         parts |= {f"orientation_{axis}": getattr(q, axis) for axis in "wxyz"}
     return parts
@@ -110,46 +98,32 @@ def _read_fix(message: Any) -> Row:
     """The place where there is a fix."""
     if message.status.status < 0:
         return {}
-    place = ("latitude", "longitude", "altitude")
-    return dict(
-        zip(
-            ("latitude_deg", "longitude_deg", "altitude_m"),
-            (getattr(message, name) for name in place),
-            strict=True,
-        )
-    )
+    places = {"latitude_deg": "latitude", "longitude_deg": "longitude", "altitude_m": "altitude"}
+    return {ours: getattr(message, theirs) for ours, theirs in places.items()}
 
 
-def _read_battery(message: Any) -> Row:
-    """The current drawn; ROS counts it negative."""
-    return {} if math.isnan(message.current) else {"current_A": -message.current}
+def _number(values: Iterable[Any], name: str) -> dict[str, float]:
+    """A column for each value, numbered from 1."""
+    return {name.format(k): float(value) for k, value in enumerate(values, start=1)}
 
 
 def _read_outputs(message: Any) -> Row:
     """Pulses to motors and servos, µs, as MAVROS passes them on."""
-    pulses = enumerate(message.channels, start=1)
-    return {f"output{k}_pwm_us": float(p) for k, p in pulses if p > _SHORTEST_PULSE_US}
-
-
-def _read_speed_controllers(message: Any) -> Row:
-    """The current that each speed controller draws."""
-    return {f"esc{k}_A": float(e.current) for k, e in enumerate(message.esc_status, start=1)}
-
-
-def _read_actuators(message: Any) -> Row:
-    """Commands to motors, 0…1."""
-    return {f"motor{k}_duty": float(x) for k, x in enumerate(message.normalized, start=1)}
+    pulses = _number(message.channels, "output{}_pwm_us")
+    return {name: pulse for name, pulse in pulses.items() if pulse > _SHORTEST_PULSE_US}
 
 
 READERS: dict[str, Callable[[Any], Row]] = {
-    "sensor_msgs/msg/MagneticField": _read_field,
+    "sensor_msgs/msg/MagneticField": lambda m: _vector("magnetic_field", m.magnetic_field),
     "sensor_msgs/msg/Imu": _read_imu,
     "sensor_msgs/msg/NavSatFix": _read_fix,
     "sensor_msgs/msg/Temperature": lambda m: {"temperature_C": m.temperature},
-    "sensor_msgs/msg/BatteryState": _read_battery,
+    "sensor_msgs/msg/BatteryState": lambda m: (  # which counts what is drawn negative
+        {} if math.isnan(m.current) else {"current_A": -m.current}
+    ),
     "mavros_msgs/msg/RCOut": _read_outputs,
-    "mavros_msgs/msg/ESCStatus": _read_speed_controllers,
-    "actuator_msgs/msg/Actuators": _read_actuators,
+    "mavros_msgs/msg/ESCStatus": lambda m: _number((e.current for e in m.esc_status), "esc{}_A"),
+    "actuator_msgs/msg/Actuators": lambda m: _number(m.normalized, "motor{}_duty"),
 }
 """The types of messages that are read, and what each says."""
 
@@ -180,6 +154,8 @@ def make_table(rows: Iterable[Row]) -> dict[str, Array]:
 
 
 _METADATA = "metadata.yaml"
+_FIELDS = ("magnetic_field_x", "mag_x")
+"""A column of each kind of magnetometer."""
 _CLOCKS_DIFFER_S = 1.0
 _MOST_MESSAGES = 20_000_000
 
@@ -197,17 +173,12 @@ class _Contents:
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a bag is; `unit` is that of the field where a driver did not keep to tesla.
-
-    Raises `LogError` where it cannot be read or holds no magnetometer, `MissingExtraError` without
-    rosbags.
-    """
+    """The log that a bag is; `unit` is that of the field where a driver did not keep to tesla."""
     contents = _Contents()
     with _open_bag(path) as bag:
         _read_messages(bag, contents)
     tables = {topic: make_table(rows) for topic, rows in contents.rows.items() if rows}
-    fields = [topic for topic, table in tables.items() if "magnetic_field_x" in table]
-    fields += [topic for topic, table in tables.items() if "mag_x" in table]
+    fields = [topic for x in _FIELDS for topic, table in tables.items() if x in table]
     if not fields:
         there = ", ".join(s.name for s in contents.streams[:10]) or "no messages"
         raise LogError(
@@ -216,8 +187,9 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     sensors: list[Samples] = []
     failures: list[str] = []
     for topic in fields:
+        facts = Facts(path=path, source=source, format="ROS bag", unit=unit)
         try:
-            sensors += _read_sensor(topic, tables, contents, path, source, unit)
+            sensors += _read_sensor(topic, tables, contents, facts)
         except LogError as error:
             failures.append(f"{topic}: {error}")
     if not sensors:
@@ -265,19 +237,15 @@ def _read_messages(bag: Any, contents: _Contents) -> None:
         reader = find_reader(connection.topic, connection.msgtype)
         if reader is not None or connection.msgtype in (*TRANSFORMS, TIME):
             readers[connection.id, connection.topic] = reader
-        rate = connection.msgcount / seconds if seconds else None
-        contents.streams.append(
-            Stream(name=connection.topic, rows=connection.msgcount, rate_Hz=rate)
-        )
+        rows = connection.msgcount
+        rate = rows / seconds if seconds else None
+        contents.streams.append(Stream(name=connection.topic, rows=rows, rate_Hz=rate))
     wanted = [c for c in bag.connections if (c.id, c.topic) in readers]
-    if not wanted:
-        return
-    for connection, received_ns, raw in bag.messages(connections=wanted):
+    for connection, received_ns, raw in bag.messages(connections=wanted) if wanted else ():
+        reader = readers[connection.id, connection.topic]
         try:
             message = bag.deserialize(raw, connection.msgtype)
-            _take(
-                message, connection, received_ns, readers[connection.id, connection.topic], contents
-            )
+            _take(message, connection, received_ns, reader, contents)
         except Exception:
             contents.damaged += 1
 
@@ -287,11 +255,10 @@ def _take(
 ) -> None:
     """Keep what one message says."""
     if connection.msgtype in TRANSFORMS:
-        if connection.topic.endswith("tf_static"):
-            for told in message.transforms:
-                q = told.transform.rotation
-                edge = (_frame(told.header.frame_id), _frame(told.child_frame_id))
-                contents.edges[edge] = Rotation.from_quat([q.x, q.y, q.z, q.w])
+        for one in message.transforms if connection.topic.endswith("tf_static") else ():
+            q = one.transform.rotation
+            edge = (_frame(one.header.frame_id), _frame(one.child_frame_id))
+            contents.edges[edge] = Rotation.from_quat([q.x, q.y, q.z, q.w])
         return
     stamp = message.header.stamp
     if connection.msgtype == TIME:
@@ -302,11 +269,10 @@ def _take(
     said = reader(message)
     if not said:
         return
-    if stamp.sec == 0 and stamp.nanosec == 0:  # nobody filled it in: when it was recorded
-        second, nanosecond = divmod(received_ns, 1_000_000_000)
-    else:
-        second, nanosecond = stamp.sec, stamp.nanosec
-    when = dict(zip(STAMP, (float(second), float(nanosecond)), strict=True))
+    moment = stamp.sec, stamp.nanosec
+    if moment == (0, 0):  # nobody filled it in: when it was recorded
+        moment = divmod(received_ns, 1_000_000_000)
+    when = dict(zip(STAMP, map(float, moment), strict=True))
     contents.rows.setdefault(connection.topic, []).append({**when, **said})
     contents.frames.setdefault(connection.topic, _frame(message.header.frame_id))
 
@@ -316,49 +282,31 @@ def _frame(name: str) -> str:
 
 
 def _read_sensor(
-    topic: str,
-    tables: Mapping[str, Mapping[str, Array]],
-    contents: _Contents,
-    path: Path,
-    source: Input,
-    unit: str | None,
+    topic: str, tables: Mapping[str, Mapping[str, Array]], contents: _Contents, facts: Facts
 ) -> tuple[Samples, ...]:
-    """One magnetometer with what was recorded beside it."""
-    notes: list[str] = []
+    """One magnetometer with what was recorded beside it, in its axes."""
+    here = contents.frames[topic]
+    remarks = [f"axes of the frame {here!r}"] if here else []
     groups = {topic.strip("/"): dict(tables[topic])}
     for other, table in tables.items():
-        if "magnetic_field_x" in table or "mag_x" in table:
+        if any(x in table for x in _FIELDS):
             continue
-        groups[other.strip("/")] = _turn(other, topic, table, contents, notes)
-    remarks = (f"axes of the frame {contents.frames[topic]!r}",) if contents.frames[topic] else ()
-    log = build_groups_log(
-        groups, path=path, source=source, format="ROS bag", unit=unit, remarks=(*remarks, *notes)
-    )
+        groups[other.strip("/")] = dict(table)
+        there = contents.frames[other]
+        if here == there or not any(name.endswith("_x") for name in table):
+            continue
+        turn = find_rotation(contents.edges, here, there)
+        if turn is None:
+            remarks.append(
+                f"no /tf_static leads from {there!r} of {other} to {here!r}: the two are taken as "
+                "parallel"
+            )
+            continue
+        if np.degrees(turn.magnitude()) > 1e-6:
+            remarks.append(f"{other} was turned from {there!r} into {here!r} by /tf_static")
+        groups[other.strip("/")] = rotate_table(table, turn)
+    log = build_groups_log(groups, **(facts | {"remarks": tuple(remarks)}))
     return tuple(_set_clock(samples, contents.ahead_s) for samples in log.sensors)
-
-
-def _turn(
-    other: str,
-    topic: str,
-    table: Mapping[str, Array],
-    contents: _Contents,
-    notes: list[str],
-) -> dict[str, Array]:
-    """The columns of another topic in the axes of a magnetometer."""
-    here, there = contents.frames[topic], contents.frames[other]
-    vectors = any(name.endswith("_x") for name in table)
-    if here == there or not vectors:
-        return dict(table)
-    turn = find_rotation(contents.edges, here, there)
-    if turn is None:
-        notes.append(
-            f"no /tf_static leads from {there!r} of {other} to {here!r}: the two are taken as "
-            "parallel"
-        )
-        return dict(table)
-    if np.degrees(turn.magnitude()) > 1e-6:
-        notes.append(f"{other} was turned from {there!r} into {here!r} by /tf_static")
-    return rotate_table(table, turn)
 
 
 def _set_clock(samples: Samples, ahead_s: list[float]) -> Samples:

@@ -20,11 +20,10 @@ from agonic.errors import LogError, UnitError
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
 from agonic.logs.headers.quantities import FALLBACK, Linear
+from agonic.logs.log import Table
 from agonic.logs.rows.resample import interpolate_smoothly, resample
 from agonic.maths.one_pass import median
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2, find_unit, nanotesla_per
-
-Table = Mapping[str, NDArray[Any]]
 
 ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 PERIODS_DEG = dict.fromkeys((*ATTITUDE, "longitude_deg"), 360.0)
@@ -60,11 +59,7 @@ _EVEN = 0.9
 
 
 def find_finite_rows(values: Array) -> Mask:
-    """The rows (n,) of an array (n, k) without a NaN or infinity in them; fast where that is all.
-
-    >>> find_finite_rows(np.array([[1.0, 2.0], [np.nan, 3.0]])).tolist()
-    [True, False]
-    """
+    """The rows (n,) of an array (n, k) that are finite; fast where that is all."""
     if len(values) and np.isfinite(max(-values.min(), values.max())):
         return np.ones(len(values), dtype=bool)
     return np.asarray(np.isfinite(values).all(axis=1))
@@ -74,9 +69,6 @@ def find_reach(column: str, known: Array) -> float:
     """How far, s, neighbours recorded at `known` times may be from a row that is filled from them.
 
     A scalar instrument measures at a pace of its own; what joins its readings is that pace.
-
-    >>> find_reach("scalar", np.array([0.0, 2.0, 4.0])), find_reach("current_A", np.zeros(2))
-    (3.0, 0.5)
     """
     if column == "scalar" and len(known) > 1:
         return max(_JOINED * median(np.diff(known)), SHORT_REACH_S)
@@ -88,11 +80,7 @@ _GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVI
 
 
 def to_numbers(values: NDArray[Any]) -> Array:
-    """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees.
-
-    >>> to_numbers(np.array(["-0:30:00", "12.5", "n/a"])).tolist()
-    [-0.5, 12.5, nan]
-    """
+    """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees."""
     if values.dtype.kind in "OUS":
         return np.array([_number(str(value)) for value in values], dtype=np.float64)
     return np.asarray(values, dtype=np.float64)
@@ -108,11 +96,7 @@ def _number(text: str) -> float:
 
 
 def number_labels(values: NDArray[Any]) -> Array:
-    """Numbers of labels: themselves, or 1, 2, … where they are words; 0 where there is none.
-
-    >>> number_labels(np.array(["A", "", "B", "A"])), number_labels(np.array(["7", "", "8"]))
-    (array([1., 0., 2., 1.]), array([7., 0., 8.]))
-    """
+    """Numbers of labels: themselves, or 1, 2, … where they are words; 0 where there is none."""
     if values.dtype.kind not in "OUS":
         return np.nan_to_num(np.asarray(values, dtype=np.float64))
     labels = [str(value).strip() for value in values]
@@ -160,25 +144,21 @@ def convert_column(
         return None, (f"{quantity.name} left out: {remark}",)
     factor, offset = scale
     ours = values * factor + offset
-    if _lacks_gravity(quantity.column, ours):
+    if quantity.column == "acceleration" and _find_usual_size(ours) < 0.5 * STANDARD_GRAVITY_M_S2:
         return None, (f"{quantity.name} left out: it is without gravity",)
     low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
     ours[(ours < low) | (ours > high)] = np.nan
-    held = ""
+    repeated = ""
     if quantity.column == "scalar" and time is not None:
-        ours, held = forget_repeated(ours, time)
+        ours, repeated = forget_repeated(ours, time)
     filled, gaps = fill_holes(quantity.column, ours, time, readings, keep_holes=keep_holes)
-    notes = tuple(f"{quantity.name} {text}" for text in (remark, held, gaps) if text)
+    notes = tuple(f"{quantity.name} {text}" for text in (remark, repeated, gaps) if text)
     return (filled if filled is None or quantity.vector else filled[:, 0]), notes
 
 
 def forget_repeated(values: Array, time: Array) -> tuple[Array, str]:
     """Readings (n, 1) of an instrument that is slower than the log, NaN where a row repeats the one
     before until the next has come, and a note; as they are where they are no such steps.
-
-    >>> held = np.repeat([48_000.0, 48_001.0, 48_003.0, 48_002.0], 2)[:, None]
-    >>> forget_repeated(held, np.arange(8.0))[0].ravel()[:4].tolist()
-    [48000.0, nan, 48001.0, nan]
     """
     known = np.isfinite(values[:, 0])
     rows = np.flatnonzero(known)
@@ -208,7 +188,11 @@ def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | Non
     if unit is not None and unit not in _RAW:
         return quantity.units[unit], ""
     if quantity.column == "acceleration":
-        return _find_scale_by_gravity(values)
+        usual = _find_usual_size(values)
+        for unit, factor in _GRAVITY_UNITS.items():
+            if abs(usual * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
+                return (factor, 0.0), f"names no unit; its size is that of gravity in {unit}"
+        return None, f"its header names no unit and its size, {usual:.4g}, is not that of gravity"
     if quantity.column == "rotation_rate" or quantity.column in ATTITUDE:
         return None, "its header names neither degrees nor radians"
     if quantity.column == "scalar":
@@ -216,22 +200,10 @@ def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | Non
     return (1.0, 0.0), ""
 
 
-def _lacks_gravity(column: str, values: Array) -> bool:
-    """Whether an acceleration, m/s², is much less than that of gravity in most rows."""
-    sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
-    if column != "acceleration" or not len(sizes):
-        return False
-    return median(sizes) < 0.5 * STANDARD_GRAVITY_M_S2
-
-
-def _find_scale_by_gravity(values: Array) -> tuple[Linear | None, str]:
-    """The unit in which the median acceleration is gravity, to 20 %."""
-    sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
-    usual = median(sizes) if len(sizes) else np.nan
-    for unit, factor in _GRAVITY_UNITS.items():
-        if abs(usual * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
-            return (factor, 0.0), f"names no unit; its size is that of gravity in {unit}"
-    return None, f"its header names no unit and its size, {usual:.4g}, is not that of gravity"
+def _find_usual_size(vectors: Array) -> float:
+    """The median length of vectors (n, 3); NaN where none is known."""
+    sizes = np.linalg.norm(vectors[find_finite_rows(vectors)], axis=1)
+    return median(sizes) if len(sizes) else np.nan
 
 
 def fill_holes(
@@ -279,11 +251,7 @@ def _complete(time: Array) -> Array:
 
 
 def measure_reach(known: Array, wanted: Array) -> Array:
-    """Seconds to the farther of the two known times around each wanted one; at an end, to one.
-
-    >>> measure_reach(np.array([0.0, 10.0]), np.array([2.0, 10.0, 13.0]))
-    array([ 8., 10.,  3.])
-    """
+    """Seconds to the farther of the two known times around each wanted one; at an end, to one."""
     order = np.sort(known)
     after = np.searchsorted(order, wanted)
     sides = [order[np.clip(after + k, 0, len(order) - 1)] for k in (-1, 0)]

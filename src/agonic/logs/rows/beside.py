@@ -13,8 +13,8 @@ from agonic.arrays import Array, Index, Mask
 from agonic.logs.clocks.clock import Clock
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
+from agonic.logs.log import Table
 from agonic.logs.rows.auxiliary import (
-    Table,
     convert_column,
     fill_holes,
     number_labels,
@@ -48,11 +48,6 @@ def compute_attitude_deg(
     sensor lying face up has a roll of 180°. Whether the quaternion turns sensor axes into those of
     the world or the reverse, and where the world's z points, is seen from the accelerometer, which
     must show gravity along that z.
-
-    >>> lying = np.array([[1.0, 0.0, 0.0, 0.0]])
-    >>> angles, _ = compute_attitude_deg(lying, np.array([[0.0, 0.0, 9.8]]), ENU)
-    >>> {name: np.abs(values.round(9)).tolist() for name, values in angles.items()}
-    {'roll_deg': [180.0], 'pitch_deg': [0.0], 'heading_deg': [90.0]}
     """
     from scipy.spatial.transform import Rotation
 
@@ -60,15 +55,12 @@ def compute_attitude_deg(
     if not known.any():
         return {}, "orientation left out: it is never known"
     rotation = Rotation.from_quat(quat_wxyz[known], scalar_first=True)
-    if acceleration is None:
-        if axes != ENU:
-            return {}, "orientation left out: without an accelerometer its axes are not known"
-        inverse, down = False, False
-    else:
-        seen = _find_axes(rotation, acceleration[known])
-        if seen is None:
-            return {}, "orientation left out: the accelerometer does not show gravity along its z"
-        inverse, down = seen
+    if acceleration is None and axes != ENU:
+        return {}, "orientation left out: without an accelerometer its axes are not known"
+    seen = (False, False) if acceleration is None else _find_axes(rotation, acceleration[known])
+    if seen is None:
+        return {}, "orientation left out: the accelerometer does not show gravity along its z"
+    inverse, down = seen
     world_from_sensor = rotation.inv() if inverse else rotation
     ned_from_enu = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
     north = world_from_sensor if down else ned_from_enu * world_from_sensor
@@ -177,20 +169,26 @@ def read_columns(
     notes: list[str] = []
     for column in AUXILIARY:
         group = pick(part.found.get(column, {}), number)
-        if group and column in _HEADING:
-            values, remarks = _read_heading(part, group, time, readings)
-            columns |= {column: values}
-            notes.extend(remarks)
-            if column == "heading_deg" and any(
-                "yaw" in column.header.lower() for column in group.values()
-            ):
-                estimated = True
-                notes.append(YAW)
-        elif group and column == "target":
+        if not group:
+            continue
+        if column == "target":
             columns[column] = part.take(number_labels(part.table[group[""].header]))
-        elif group:
-            columns[column], remarks = convert_column(group, part.values(group), time, readings)
-            notes.extend(remarks)
+            continue
+        heads = column in _HEADING  # one that is known in few rows is of use for those
+        values, remarks = convert_column(
+            group, part.values(group), time, readings, keep_holes=heads
+        )
+        notes.extend(remarks)
+        if heads and values is not None and readings.any():
+            known = np.isfinite(values[readings])
+            if not known.all() and known.sum() < _FEWEST_HEADINGS:
+                name = next(iter(group.values())).quantity.name
+                notes.append(f"{name} left out: hardly any row has one")
+                values = None
+        columns[column] = values
+        if column == "heading_deg" and any("yaw" in c.header.lower() for c in group.values()):
+            estimated = True
+            notes.append(YAW)
     notes.extend(_mark_unknown_headings(columns, readings))
     if columns.get("roll_deg") is None and (
         group := pick(part.found.get("quaternion", {}), number)
@@ -200,23 +198,6 @@ def read_columns(
         estimated = estimated or "heading_deg" in angles
         notes.extend(remarks)
     return columns, estimated, tuple(notes)
-
-
-def _read_heading(
-    part: Part, group: Mapping[str, Column], time: Array | None, readings: Mask
-) -> tuple[Array | None, tuple[str, ...]]:
-    """A heading or its sd, NaN where it is not known: one of few rows is of use for those."""
-    values, remarks = convert_column(group, part.values(group), time, readings, keep_holes=True)
-    rows = readings if values is not None and readings.any() else np.empty(0, np.int64)
-    if len(rows) and values is not None and not _is_of_use(values[rows]):
-        name = next(iter(group.values())).quantity.name
-        return None, (*remarks, f"{name} left out: hardly any row has one")
-    return values, remarks
-
-
-def _is_of_use(values: Array) -> bool:
-    known = np.isfinite(values)
-    return bool(known.all() or known.sum() >= _FEWEST_HEADINGS)
 
 
 def _mark_unknown_headings(columns: dict[str, Any], readings: Mask) -> tuple[str, ...]:

@@ -7,17 +7,17 @@ IS-GPS-200, sections 3.3.4 and 20.3.3.5.2.4.
 
 from __future__ import annotations
 
-import re
 from datetime import timedelta
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, since_first_second
+from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, Clock, since_first_second
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
-from agonic.logs.rows.auxiliary import Table, to_numbers
+from agonic.logs.log import Table
+from agonic.logs.rows.auxiliary import to_numbers
 from agonic.units import DAY_S
 
 _GPS_UNIX_S = 315_964_800.0
@@ -32,20 +32,28 @@ _WHOLE_STEP = 5.0
 
 def find_gps_clock(table: Table, found: Identified) -> Clock:
     """The clock that the columns of week and time of week are; without a week it has no date."""
-    seconds, notes = _read_week_s(table, _pick(found, "gps_tow"))
+    tow, week = (_pick(found, name) for name in ("gps_tow", "gps_week"))
+    seconds, notes = _read_week_s(table, tow) if tow else (None, ())
     if seconds is None:
         return None, None, notes
-    weeks, told = _read_weeks(table, found)
-    if weeks is None:
-        known = np.isfinite(seconds)
-        seconds[known] = np.unwrap(seconds[known], period=_WEEK_S)
-        return seconds, None, (*notes, *told)
-    unix = _to_utc_s(weeks * _WEEK_S + seconds)
-    first = unix[np.isfinite(unix)]
-    if not len(first):
+    said = "times of the GPS week, without a date"
+    if week is not None:
+        weeks = to_numbers(table[week.header])
+        weeks = np.where(weeks > 0, weeks, np.nan)
+        if not (weeks[np.isfinite(weeks)] < _ROLLOVER).any():
+            return _since_first_week(weeks * _WEEK_S + seconds, notes)
+        said = f"date left out: {week.header} counts from a rollover, 1024 weeks on"
+    known = np.isfinite(seconds)
+    seconds[known] = np.unwrap(seconds[known], period=_WEEK_S)
+    return seconds, None, (*notes, said)
+
+
+def _since_first_week(gps: Array, notes: tuple[str, ...]) -> Clock:
+    """GPS seconds since 1980 as UTC, by the leap seconds at the first of them."""
+    known = gps[np.isfinite(gps)]
+    if not len(known):
         return None, None, ("times left out: no GPS time could be read",)
-    start = float(np.floor(min(first[0], first[-1])))
-    return unix - start, UNIX + timedelta(seconds=start), notes
+    return since_first_second(gps + _GPS_UNIX_S - gps_utc_s(known[0] + _GPS_UNIX_S), notes)
 
 
 def date_by_gps(clock: Clock, table: Table, found: Identified) -> Clock:
@@ -69,10 +77,8 @@ def _pick(found: Identified, name: str) -> Column | None:
     return axes.get("")
 
 
-def _read_week_s(table: Table, column: Column | None) -> tuple[Array | None, tuple[str, ...]]:
+def _read_week_s(table: Table, column: Column) -> tuple[Array | None, tuple[str, ...]]:
     """Seconds of the week; `None` where their unit is neither told nor seen, and a note."""
-    if column is None:
-        return None, ()
     values = to_numbers(table[column.header])
     known = values[np.isfinite(values)]
     if column.unit:
@@ -90,47 +96,18 @@ def _read_week_s(table: Table, column: Column | None) -> tuple[Array | None, tup
     return values / per_second, ()
 
 
-def _read_weeks(table: Table, found: Identified) -> tuple[Array | None, tuple[str, ...]]:
-    """The GPS weeks, NaN where there was no fix; `None` where they give no date."""
-    column = _pick(found, "gps_week")
-    if column is None:
-        return None, ("times of the GPS week, without a date",)
-    weeks = to_numbers(table[column.header])
-    weeks = np.where(weeks > 0, weeks, np.nan)
-    if (weeks[np.isfinite(weeks)] < _ROLLOVER).any():
-        return None, (f"date left out: {column.header} counts from a rollover, 1024 weeks on",)
-    return weeks, ()
-
-
 def gps_utc_s(unix_s: float) -> float:
-    """GPS − UTC, s, at a moment.
-
-    >>> gps_utc_s(1.5e9)
-    18.0
-    """
+    """GPS − UTC, s, at a moment."""
     from agonic.maths.earth.earth_rotation import tai_utc_s
 
     return float(tai_utc_s([unix_s])[0]) - _GPS_TAI_S
-
-
-def _to_utc_s(gps: Array) -> Array:
-    """Unix seconds of GPS seconds since 1980, by the leap seconds at the first of them."""
-    known = gps[np.isfinite(gps)]
-    return gps + _GPS_UNIX_S - gps_utc_s(known[0] + _GPS_UNIX_S) if len(known) else gps
 
 
 _CENTURY = 2000.0
 
 
 def read_parts(table: Table, found: Identified) -> Clock:
-    """The clock that columns of hours, minutes and seconds are, with the date beside them if any.
-
-    >>> import numpy as np
-    >>> from agonic.logs.headers.columns import identify_columns
-    >>> table = {"hour": np.array([23.0, 0]), "minute": np.array([59.0, 0])}
-    >>> read_parts(table, identify_columns(table))[0].tolist()
-    [86340.0, 86400.0]
-    """
+    """The clock that columns of hours, minutes and seconds are, with the date beside them."""
     hour, minute = _get(table, found, "hour"), _get(table, found, "minute")
     if hour is None or minute is None:
         return None, None, ()
@@ -177,14 +154,3 @@ def write_days(table: Table, found: Identified) -> NDArray[np.str_] | None:
 def _get(table: Table, found: Identified, part: str) -> Array | None:
     column = found.get(part, {}).get("", {}).get("")
     return None if column is None else to_numbers(table[column.header]).astype(np.float64)
-
-
-def read_zone(match: re.Match[str]) -> timedelta:
-    """How far a zone that a header names is ahead of UTC.
-
-    >>> from agonic.logs.headers.quantities import ZONE
-    >>> read_zone(ZONE.search("Date Time, GMT+03:00")).total_seconds() / 3600
-    3.0
-    """
-    ahead = timedelta(hours=int(match[2]), minutes=int(match[3] or 0))
-    return -ahead if match[1] == "-" else ahead

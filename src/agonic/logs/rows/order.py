@@ -31,12 +31,7 @@ _WRAPS_S = {
 
 
 def order_rows(time: Array) -> tuple[Index | None, tuple[str, ...]]:
-    """The rows (k,) of a table in the order of their times (n,), and a note; `None` as they are.
-
-    >>> order, notes = order_rows(np.array([3.0, 2.0, 1.0, 0.0]))
-    >>> order.tolist(), notes
-    ([3, 2, 1, 0], ('the table is written newest first: its rows are reversed',))
-    """
+    """The rows (k,) of a table in the order of their times (n,), and a note; `None` as they are."""
     known = np.flatnonzero(np.isfinite(time))
     steps = np.diff(time[known])
     back = int((steps < 0).sum())
@@ -69,11 +64,6 @@ def find_strays(time: Array) -> Mask:
     Those in no longest sequence of times that do not fall, where they are a hundredth of the rows
     or ten, and where the others leave about the time that they took: where the clock stepped back,
     the times on both sides are right and leave none.
-
-    >>> find_strays(np.r_[9e5, 9e5, 0:50, 9e6, 9e6, 52:90]).nonzero()[0]
-    array([ 0,  1, 52, 53])
-    >>> int(find_strays(np.r_[0:50, 40:90]).sum())
-    0
     """
     known = np.flatnonzero(np.isfinite(time))
     t = time[known]
@@ -92,9 +82,6 @@ def _longest_rise(values: Array) -> Index:
     """The places of the longest sequence in which none is less than the one before it.
 
     Source: Fredman 1975, by patience sorting.
-
-    >>> _longest_rise(np.array([5.0, 1.0, 2.0, 9.0, 3.0])).tolist()
-    [1, 2, 4]
     """
     tails: list[float] = []
     ends: list[int] = []
@@ -116,11 +103,6 @@ def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     """Times (n,) that go on where the clock begins anew or wraps, and a note.
 
     Rows that repeat earlier ones, time and reading (n, 3), stay behind and are left out later.
-
-    >>> field = np.arange(72.0).reshape(24, 3)
-    >>> time, notes = continue_time(np.r_[0.0:12.0, 0.0:12.0], field)
-    >>> float(time[-1]), notes[0].partition(":")[0]
-    (23.0, 'the clock starts again once')
     """
     known = np.flatnonzero(np.isfinite(time))
     t = time[known]

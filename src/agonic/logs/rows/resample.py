@@ -27,9 +27,6 @@ def resample(
 
     Parameters: time_from (n,), values (n,) or (n, 3), time_to (m,), in one unit of time; period
     in the unit of the values. Returns (m,) or (m, 3), or `None` where no usable row is left.
-
-    >>> resample([0.0, 2.0], [350.0, 20.0], [1.0, 1.5, 9.0], period=360.0)
-    array([ 5. , 12.5, 20. ])
     """
     t, v, wanted = (np.asarray(a, dtype=np.float64) for a in (time_from, values, time_to))
     usable = np.isfinite(t) & np.isfinite(v).reshape(len(v), -1).all(axis=1)
@@ -51,9 +48,6 @@ def interpolate_smoothly(wanted: Array, time: Array, values: Array) -> Array:
     takes for an offset; here an error is of the third order, and noise spreads two readings far.
 
     Source: Catmull & Rom, "A class of local interpolating splines", 1974.
-
-    >>> interpolate_smoothly(np.array([1.5]), np.arange(4.0), np.arange(4.0) ** 2).tolist()
-    [2.25]
     """
     from scipy.interpolate import CubicHermiteSpline  # slow to load
 
@@ -68,11 +62,6 @@ def find_misplaced(time: ArrayLike) -> Mask:
     Of the first row: later than the two after it, which are in order. Farther than
     `LONGEST_LOG_S` from the median is misplaced anywhere. One damaged time would otherwise cost
     every row after it, since times must increase.
-
-    >>> find_misplaced([0.0, 1.0, 900.0, 3.0, 4.0])
-    array([False, False,  True, False, False])
-    >>> find_misplaced([900.0, 1.0, 2.0, 1e300])
-    array([ True, False, False,  True])
     """
     t = np.asarray(time, dtype=np.float64)
     known = t[np.isfinite(t)]
@@ -87,11 +76,7 @@ def find_misplaced(time: ArrayLike) -> Mask:
 
 
 def compute_rate_Hz(time: ArrayLike) -> float | None:
-    """Rows per second between the first time and the last, where there are two and they differ.
-
-    >>> compute_rate_Hz([0.0, 0.1, 0.2])
-    10.0
-    """
+    """Rows per second between the first time and the last, where there are two and they differ."""
     t = np.asarray(time, dtype=np.float64)
     span = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     return (len(t) - 1) / span if span > 0 and np.isfinite(span) else None

@@ -15,7 +15,8 @@ from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, UNIX, Clock, read_cl
 from agonic.logs.headers.columns import FRACTION, Identified
 from agonic.logs.headers.header import Column
 from agonic.logs.headers.quantities import ZONE
-from agonic.logs.rows.auxiliary import Table, to_numbers
+from agonic.logs.log import Table
+from agonic.logs.rows.auxiliary import to_numbers
 from agonic.logs.rows.resample import LONGEST_LOG_S, find_misplaced
 from agonic.maths.one_pass import median
 
@@ -94,94 +95,83 @@ def _find_clock(table: Table, found: Identified, group: Mapping[str, Column]) ->
             return find_gps_clock(table, found)
         rest = {name: groups for name, groups in found.items() if name != "gps_tow"}
         return date_by_gps(_find_clock(table, rest, group), table, found)
-    date, start = (pick(found.get(name, {}), "").get("") for name in ("date", "epoch"))
-    time = group.get("")
+    time, date = (axes.get("") for axes in (group, pick(found.get("date", {}), "")))
     if time is None and date is None and "hour" in found:
         from agonic.logs.rows.calendar import read_parts
 
         return read_parts(table, found)
     if time is None:
         return read_clock(table[date.header], None) if date else (None, None, ())
-    clock = _read_column(table, found, group, date, start)
+    clock = _read_column(table, found, group)
     zone = ZONE.search(time.header)
     if zone is None or clock[1] is None or NO_ZONE not in clock[2]:
         return clock
-    from agonic.logs.rows.calendar import read_zone
+    ahead = timedelta(hours=int(zone[2]), minutes=int(zone[3] or 0))
+    return clock[0], clock[1] + (ahead if zone[1] == "-" else -ahead), ()
 
-    return clock[0], clock[1] - read_zone(zone), ()
 
-
-def _read_column(
-    table: Table,
-    found: Identified,
-    group: Mapping[str, Column],
-    date: Column | None,
-    start: Column | None,
-) -> Clock:
-    """The clock in a time column, with the date or the epoch beside it."""
-    time = group[""]
+def _read_column(table: Table, found: Identified, group: Mapping[str, Column]) -> Clock:
+    """The clock in a time column, with a finer one or the epoch beside it."""
+    time, part = group[""], group.get(FRACTION)
     values = table[time.header]
     factor = time.quantity.units[time.unit][0] if time.unit else None
     if time.unit is None and values.dtype.kind in "fiu" and _SCALED.search(time.header):
         why = f"times left out: the unit in {time.header!r} is not known; write seconds as time_s"
         return None, None, (why,)
-    if time.unit == _TICKS and (step := _find_step(values)) > _SLOWEST_TICKS:
-        said = f"{time.header} steps by {step:g}: microseconds, as Xsens DOT counts"
-        return *read_clock(values, 1e-6)[:2], (said,)
-    if FRACTION in group:  # which a float of Unix nanoseconds would round
-        part = group[FRACTION]
-        begun, epoch, notes = _read_column(table, found, {"": time}, date, start)
+    if time.unit == _TICKS:
+        steps = np.diff((numbers := to_numbers(values))[np.isfinite(numbers)])
+        if len(steps) and (step := median(steps)) > _SLOWEST_TICKS:
+            said = f"{time.header} steps by {step:g}: microseconds, as Xsens DOT counts"
+            return *read_clock(values, 1e-6)[:2], (said,)
+    if part is not None:  # which a float of Unix nanoseconds would round
+        begun, epoch, notes = _read_column(table, found, {"": time})
         if begun is None:
-            return _read_column(table, found, {"": part}, date, start)
+            return _read_column(table, found, {"": part})
         seconds = to_numbers(table[part.header]) * part.quantity.units[part.unit or "s"][0]
         both = np.isfinite(begun) & np.isfinite(seconds)
-        parts = (begun[both] % 1 == 0) & (seconds[both] >= 0) & (seconds[both] < 1)
-        if parts.all():
+        if ((begun[both] % 1 == 0) & (seconds[both] >= 0) & (seconds[both] < 1)).all():
             return begun + seconds, epoch, notes
         return begun, epoch, (*notes, f"{part.header[:30]} is another clock: left out")
+    start = pick(found.get("epoch", {}), "").get("")
     if start is not None and values.dtype.kind in "fiu":
         moment = to_numbers(table[start.header])
+        moment = moment[np.isfinite(moment)]
         known = moment[(moment >= 0) & (moment < _YEAR_9999)]
-        if len(known):
-            epoch = UNIX + timedelta(seconds=float(known[0]))
-            return to_numbers(values) * (factor or 1.0), epoch, ()
-        if np.isfinite(moment).any():
-            said = f"{start.header} left out: {moment[np.isfinite(moment)][0]:g} is no date"
-            return to_numbers(values) * (factor or 1.0), None, (said,)
-    days = table[date.header] if date is not None else None
-    if days is None and "year" in found:
-        from agonic.logs.rows.calendar import write_days
-
-        days = write_days(table, found)
-    if days is not None and values.dtype.kind in "OUS":
-        moments = [f"{day} {of_day}" for day, of_day in zip(days, values, strict=True)]
-        clock = read_clock(np.array(moments), factor)
-        if clock[0] is None:  # the time may hold the date too
-            clock = read_clock(values, factor)
-    else:
-        clock = read_clock(values, factor)
-    if date is not None and clock[0] is None and table[date.header].dtype.kind in "OUS":
-        by_date = read_clock(table[date.header], None)
-        clock = by_date if by_date[0] is not None and np.ptp(by_date[0]) > 0 else clock
-    if date is not None and any(note.startswith(TIMES_OF_DAY) for note in clock[2]):
-        clock = _date_clock(clock, table[date.header])
+        if len(moment):
+            epoch = UNIX + timedelta(seconds=float(known[0])) if len(known) else None
+            said = f"{start.header} left out: {moment[0]:g} is no date"
+            return to_numbers(values) * (factor or 1.0), epoch, () if len(known) else (said,)
+    clock = _date_clock(table, found, values, factor)
     if not time.documented:
         return clock
     return *clock[:2], (*clock[2], f"times in units of {factor:g} s, as {time.documented} says")
 
 
-def _find_step(values: NDArray[Any]) -> float:
-    """The median step of a clock; 0 where there is none."""
-    numbers = to_numbers(values)
-    steps = np.diff(numbers[np.isfinite(numbers)])
-    return median(steps) if len(steps) else 0.0
+def _date_clock(
+    table: Table, found: Identified, values: NDArray[Any], factor: float | None
+) -> Clock:
+    """The clock in a time column, with the date in another or in columns of its parts."""
+    date = pick(found.get("date", {}), "").get("")
+    days = table[date.header] if date is not None else None
+    if days is None and "year" in found:
+        from agonic.logs.rows.calendar import write_days
 
-
-def _date_clock(clock: Clock, dates: NDArray[Any]) -> Clock:
-    """The clock of times of day with the date of the first row."""
-    _, day, notes = read_clock(dates[:1], None)
-    time, _, said = clock
-    return time, day, notes if day is not None else said
+        days = write_days(table, found)
+    clock: Clock = None, None, ()
+    if days is not None and values.dtype.kind in "OUS":
+        moments = [f"{day} {of_day}" for day, of_day in zip(days, values, strict=True)]
+        clock = read_clock(np.array(moments), factor)
+    if clock[0] is None:  # the time may hold the date too
+        clock = read_clock(values, factor)
+    if date is None:
+        return clock
+    if clock[0] is None and table[date.header].dtype.kind in "OUS":
+        by_date = read_clock(table[date.header], None)
+        clock = by_date if by_date[0] is not None and np.ptp(by_date[0]) > 0 else clock
+    if any(note.startswith(TIMES_OF_DAY) for note in clock[2]):  # with the date of the first row
+        _, day, notes = read_clock(table[date.header][:1], None)
+        clock = clock[0], day, notes if day is not None else clock[2]
+    return clock
 
 
 def leads_back(time: Array) -> bool:
@@ -190,11 +180,7 @@ def leads_back(time: Array) -> bool:
 
 
 def increases(time: Array) -> bool:
-    """Whether all times are finite and each is later than the one before it.
-
-    >>> increases(np.array([0.0, 1.0, 2.0])), increases(np.array([0.0, np.nan, 2.0]))
-    (True, False)
-    """
+    """Whether all times are finite and each is later than the one before it."""
     return bool(np.isfinite(time[:1]).all() and np.isfinite(time[-1:]).all()) and bool(
         (time[1:] > time[:-1]).all()
     )

@@ -104,12 +104,7 @@ class Track(NamedTuple):
 
 
 def resample_tracks(tracks: Iterable[Track]) -> dict[str, Any]:
-    """The columns at the rows of the magnetometer; of disturbers those that ever change.
-
-    >>> track = Track("fan_A", np.array([0.0, 2.0]), np.array([0.0, 4.0]), np.array([0.0, 1.0]))
-    >>> resample_tracks([track])["disturbers"]["fan_A"].tolist()
-    [0.0, 2.0]
-    """
+    """The columns at the rows of the magnetometer; of disturbers those that ever change."""
     columns: dict[str, Any] = {"disturbers": {}}
     for name, at, values, rows in tracks:
         found = resample(at, values, rows, period=PERIODS_DEG.get(name))

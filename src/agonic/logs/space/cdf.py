@@ -130,11 +130,7 @@ def _read_values(file: Any, name: str, size: int) -> NDArray[Any] | None:
 
 
 def decode_moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
-    """Values of one of CDF's three types of time as moments; those of other types as they are.
-
-    >>> decode_moments(np.array([63_113_904_000_000.0, -1e31]), 31).tolist()
-    [datetime.datetime(2000, 1, 1, 0, 0), None]
-    """
+    """Values of one of CDF's three types of time as moments; those of other types as they are."""
     if data_type == _TT2000:
         return _decode_tt2000(values)
     if data_type == _EPOCH16:

@@ -176,11 +176,7 @@ def _moments(numbers: Array, since: re.Match[str]) -> NDArray[Any]:
 
 
 def _clean(moment: str) -> str:
-    """A CF reference time as ISO 8601: without the name of the zone, with two-digit parts.
-
-    >>> _clean("2000-1-1 0:0:0 UTC")
-    '2000-01-01 00:00:00'
-    """
+    """A CF reference time as ISO 8601: without the name of the zone, with two-digit parts."""
     plain = re.sub(r"\s*(UTC|GMT|Z)\s*$", "", moment.strip(), flags=re.IGNORECASE)
     return re.sub(r"(?<!\d)(\d)(?!\d)", r"0\1", plain) if "." not in plain else plain
 

@@ -126,11 +126,7 @@ def format_points(points: Points, models: Sequence[str], answers: Mapping[str, A
 
 
 def read_header(name: str) -> str:
-    """The name of an answer with its unit.
-
-    >>> read_header("north"), read_header("north_per_year"), read_header("declination_deg_per_year")
-    ('north_nT', 'north_nT_per_year', 'declination_deg_per_year')
-    """
+    """The name of an answer with its unit."""
     element = name.removesuffix("_per_year")
     plain = element in ELEMENTS and not element.endswith("_deg")
     return f"{element}_nT{name[len(element) :]}" if plain else name

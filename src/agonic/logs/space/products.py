@@ -38,13 +38,6 @@ def compare_scalar(field: Array, scalar: Array) -> tuple[Array, Array | None, tu
     A reading that is not above zero is none. Rows without one lose their field where most rows
     have one, which is worth more than they are; else the scalar column is left out. So is one
     that is the magnitude of the vector itself.
-
-    >>> field = np.array([[3.0, 4.0, 0.0], [6.0, 8.0, 0.0], [0.0, 0.0, 2.0]])
-    >>> _, scalar, notes = compare_scalar(field, np.array([5.1, 9.9, 0.0]))
-    >>> scalar.tolist(), notes
-    ([5.1, 9.9, nan], ('no scalar reading in 1 of 3 rows: left out',))
-    >>> compare_scalar(field, np.array([5.0, 10.0, 2.0]))[1:]
-    (None, ('F is the magnitude of the vector, not the reading of a scalar instrument',))
     """
     readings = np.asarray(np.isfinite(field).all(axis=1))
     known = np.isfinite(scalar) & (scalar > 0)
@@ -80,11 +73,7 @@ _SAME_TURN = 0.01
 
 
 def is_spacecraft(variables: Variables) -> bool:
-    """Whether a vector is named as magnetic satellites name theirs.
-
-    >>> is_spacecraft({"B_NEC": np.zeros((1, 3))}), is_spacecraft({"mag_x_nT": np.zeros(1)})
-    (True, False)
-    """
+    """Whether a vector is named as magnetic satellites name theirs."""
     return bool(_vectors(variables))
 
 

@@ -17,6 +17,7 @@ from agonic.logs.clocks.clock import UNIX, read_clock, to_moments
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import refuse_many
 from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.quantities import DOCUMENT
 from agonic.logs.log import Log
 from agonic.logs.space.products import build_spacecraft_log, is_spacecraft
 from agonic.provenance import Input
@@ -28,22 +29,8 @@ FILL = 1e30
 """Floating numbers of at least this size stand for missing ones in CDF (−1e31) and netCDF."""
 
 _SPELLINGS = {
-    "degrees_north": "deg",
-    "degrees_east": "deg",
-    "degree_north": "deg",
-    "degree_east": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "kelvin": "K",
-    "degree_celsius": "C",
-    "ampere": "A",
-    "meter": "m",
-    "metre": "m",
-    "meters": "m",
-    "metres": "m",
-    "kilometer": "km",
+    theirs: ours for ours, words in DOCUMENT["spellings"].items() for theirs in words.split()
 }
-"""CF spellings of units, as column names spell them."""
 _LENGTHS_M = {"m": 1.0, "km": 1e3}
 
 

@@ -13,9 +13,9 @@ labelled, tagged) are in `text`.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,10 @@ from agonic.errors import LogError
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.headers.header import identify_column
-from agonic.logs.log import Facts, Log
+from agonic.logs.log import About, Facts, Log
 from agonic.logs.table import build_log
 from agonic.logs.text.dialects import (
-    build_dialect_log,
+    build_kinds_log,
     find_dialect,
     find_stated_dialect,
     read_dialect,
@@ -40,11 +40,9 @@ from agonic.logs.text.layout import (
     SAMPLE,
     Layout,
     Table,
-    add_stated,
     find_layout,
     is_header,
     sample_lines,
-    scale_columns,
 )
 from agonic.logs.text.long_table import (
     LABEL,
@@ -62,15 +60,13 @@ from agonic.logs.text.numbers import (
 )
 from agonic.provenance import Input
 
-TableAndFacts = tuple[Table, dict[str, Any]]
-"""Columns by header, and what to tell of the file."""
+TableAndFacts = tuple[Table, About]
+"""Columns by header, and what to say of the file."""
 
 _HEAD = 100_000
 _MOMENT = re.compile(r"(\d{4}-\d\d-\d\d[ T]|-?\d+ days )\+?\d\d:\d\d")
 _LABELS = ("date", "sensor", "frame", "unit", "target")
 _TEXTUAL = ("time", "latitude_deg", "longitude_deg")
-_GYROFLOW = "GYROFLOW IMU LOG"
-_ABSOLUTES = "# MagPy Absolutes"
 _MAY_LABEL = re.compile(r"[:=]|[^\W\d]\W*[\[({<]\s*[-+.\d]")
 _MARKS = ":=[({<"
 """One of which stands in every row that `_MAY_LABEL` finds; rows of numbers have none."""
@@ -87,78 +83,82 @@ _IN_NUMBERS = re.compile(r"T|(?<=[\d.])[eE](?=[-+\d])")
 _THREE = re.compile(rf"[^\d+-]*({NUMBER})[^\d.+-]+({NUMBER})[^\d.+-]+({NUMBER})[^\d.]*")
 
 
+class Lines(NamedTuple):
+    """A text with plain rows, its first lines, those of them that hold values, and notes."""
+
+    data: Text
+    head: list[str]
+    rows: list[str]
+    sample: list[int]
+    notes: tuple[str, ...]
+
+    @property
+    def whole(self) -> str:
+        """All of it, decoded."""
+        return self.data[:].decode("utf-8", "replace")
+
+
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a text table is; `unit` is that of the field where no header names one."""
-    data, head, notes = _load(path)
-    if head[0].startswith(_ABSOLUTES):
+    lines = _load(path)
+    if lines.head[0].startswith("# MagPy Absolutes"):
         raise LogError(
             "a sheet of absolute measurements with a theodolite, no log of a magnetometer; agonic "
             "fit north reads it"
         )
-    if any(map(_ASSIGNED, head[:SAMPLE])):
-        from agonic.logs.text.assigned import read_assigned
+    facts = Facts(path=path, source=source, format="source text", unit=unit, notes=lines.notes)
+    if any(map(_ASSIGNED, lines.head[:SAMPLE])):
+        from agonic.logs.text.brackets import read_assigned
 
-        if assigned := read_assigned(data):
-            return build_log(
-                assigned, path=path, source=source, format="source text", unit=unit, notes=notes
-            )
-    sample = sample_lines(head)
-    rows = [head[i] for i in sample]
-    dialect = find_dialect(head, rows)
-    said: tuple[str, ...] = ()
-    if dialect is None and _most(rows, _TAGGED.match):
-        dialect, said = find_stated_dialect(head)
+        if assigned := read_assigned(lines.data):
+            return build_log(assigned, **facts)
+    dialect, said = find_dialect(lines.head, lines.rows), ""
+    if dialect is None and _most(lines.rows, _TAGGED.match):
+        dialect, said = find_stated_dialect(lines.head)
     if dialect is not None:
-        facts = Facts(
-            path=path, source=source, format=dialect.name, unit=unit, notes=(*notes, *said)
-        )
-        return build_dialect_log(dialect, _decode(data), facts)
-    if _most(rows, lambda line: "$" in line[:40] and "," in line):
+        facts |= {"format": dialect.name, "notes": (*lines.notes, *((said,) if said else ()))}
+        return build_kinds_log(read_dialect(dialect, lines.whole), dialect.kinds, facts)
+    if _most(lines.rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
-        return read_sentences(data[:], path, source, notes, unit)
-    table, found = _read_lines(data, head, sample)
-    found |= {"path": path, "source": source, "unit": unit, "notes": (*notes, *found["notes"])}
+        return read_sentences(lines.whole, facts)
+    table, found = _read_lines(lines)
+    facts = {**facts, **found}
     if LABEL in find_quantities(table).values():
-        return build_tables_log(table, **found)
-    return build_log(table, **found)
+        return build_tables_log(table, **facts)
+    return build_log(table, **facts)
 
 
 def read_table(path: Path) -> TableAndFacts:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
-    data, head, notes = _load(path)
-    sample = sample_lines(head)
-    if dialect := find_dialect(head, [head[i] for i in sample]):
-        tables = read_dialect(dialect, _decode(data))
-        return next(iter(tables.values())), {"format": dialect.name, "notes": notes}
-    table, facts = _read_lines(data, head, sample)
-    return table, {**facts, "notes": (*notes, *facts["notes"])}
+    lines = _load(path)
+    if dialect := find_dialect(lines.head, lines.rows):
+        tables = read_dialect(dialect, lines.whole)
+        return next(iter(tables.values())), {"format": dialect.name, "notes": lines.notes}
+    return _read_lines(lines)
 
 
-def _load(path: Path) -> tuple[Text, list[str], tuple[str, ...]]:
-    """The text of a file with plain rows, its first lines, and notes."""
+def _load(path: Path) -> Lines:
+    """The text of a file, with plain rows for those in brackets."""
     data, notes = load(path, _count_understood)
     if _NESTED(data[:_HEAD]):
-        from agonic.logs.text.sanity import unnest
+        from agonic.logs.text.brackets import unnest
 
         data = unnest(data)
     head = _split_head(data)
     plain = not any(map(str.isalpha, _IN_NUMBERS.sub("", head[0])))
     if plain or head[0].startswith((LABVIEW, '"')):
-        from agonic.logs.text.sanity import level
+        from agonic.logs.text.brackets import level
 
         data = level(data, head)
         head = _split_head(data)
     elif any(map(_BRACKETED, head[:SAMPLE])):
-        from agonic.logs.text.sanity import open_brackets
+        from agonic.logs.text.brackets import open_brackets
 
         data = open_brackets(data, head)
         head = _split_head(data)
-    return data, head, notes
-
-
-def _decode(data: Text) -> str:
-    return data[:].decode("utf-8", "replace")
+    sample = sample_lines(head)
+    return Lines(data, head, [head[i] for i in sample], sample, notes)
 
 
 def _split_head(data: Text, start: int = 0) -> list[str]:
@@ -176,19 +176,18 @@ def _count_understood(head: str) -> int:
     """How many columns of the start of a text make sense."""
     lines = head.split("\n")
     try:
-        layout = find_layout(lines, sample_lines(lines))
-        return len(find_columns(layout.header))
+        return len(find_columns(find_layout(lines, sample_lines(lines)).header))
     except (LogError, StopIteration):
         return 0
 
 
-def _most(rows: Sequence[str], test: Any) -> bool:
+def _most(rows: Sequence[str], test: Callable[[str], object]) -> bool:
     return bool(rows) and 2 * sum(bool(test(row)) for row in rows) > len(rows)
 
 
-def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> TableAndFacts:
+def _read_lines(lines: Lines) -> TableAndFacts:
     """The columns of lines of one kind, and what to tell of them."""
-    rows = [head[i] for i in sample]
+    data, head, rows, _, notes = lines
     if not rows:
         raise LogError("there are no lines with values in it")
     if max(map(len, rows)) > LONGEST_LINE:
@@ -200,51 +199,48 @@ def _read_lines(data: Text, head: Sequence[str], sample: Sequence[int]) -> Table
             from agonic.logs.text.json_text import make_table
 
             table, others = make_table(list(read_echo(data[:].decode().split("\n"))))
-            return table, {"format": "messages of ROS as text", "others": others, "notes": ()}
+            return table, {"format": "messages of ROS as text", "others": others, "notes": notes}
     whole = "\n".join(rows)
     if any(mark in whole for mark in _MARKS) and any(map(_MAY_LABEL.search, rows)):
         from agonic.logs.text.labels import is_labelled, read_labelled
 
         if is_labelled(rows[1:] or rows):
             table, others = read_labelled(split_rows(data[:]))
-            return table, {"format": "labelled text", "notes": (), "others": others}
-    return _read_separated(data, head, sample)
+            return table, {"format": "labelled text", "others": others, "notes": notes}
+    return _read_separated(lines)
 
 
-def _read_separated(data: Text, head: Sequence[str], sample: Sequence[int]) -> TableAndFacts:
+def _read_separated(lines: Lines) -> TableAndFacts:
     """The columns of cells that separators divide, and what to tell of them."""
+    data, head, _, sample, notes = lines
     layout = find_layout(head, sample)
-    start = _skip_lines(data, layout.start)
+    notes = (*notes, *layout.notes)
+    start = 0
+    for _ in range(layout.start):
+        start = data.find(b"\n", start) + 1 or len(data)
     cells = [layout.split(head[i]) for i in sample if i >= layout.start]
     if (channels := find_channels(layout.header, cells)) is not None:
         from agonic.logs.text.json_text import make_table
 
         every = map(layout.split, split_rows(data, start))
         table, others = make_table(gather_channels(channels, layout.header, every))
-        return table, {"format": "long table", "others": others, "notes": layout.notes}
+        return table, {"format": "long table", "others": others, "notes": notes}
     above = [line for line in head[: max(layout.start - 1, 0)] if line.strip()]
-    table, others, notes = _read_body(data, start, layout, "\n".join(above))
-    if above:
-        from agonic.logs.text.sanity import check_title
+    table, others, said = _read_body(data, start, layout, "\n".join(above))
+    gaps = any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
+    if above or gaps or layout.unit or layout.rate_Hz is not None:
+        from agonic.logs.text import checks
 
-        check_title(table, above)
-    if head[0].startswith(_GYROFLOW):
-        table = scale_columns(table, head[1 : layout.start - 1])
-    if any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f"):
-        from agonic.logs.text.sanity import check_numbers, cut_at_header
-
-        check_numbers(table, data, start, layout)
-        table, cut = cut_at_header(table, data, start, layout)
-        notes += cut
-    return table, {"format": "text table", "others": others, "notes": (*layout.notes, *notes)}
-
-
-def _skip_lines(data: Text, count: int) -> int:
-    """The byte at which what comes after so many lines begins."""
-    at = 0
-    for _ in range(count):
-        at = data.find(b"\n", at) + 1 or len(data)
-    return at
+        table = checks.add_stated(table, layout)
+        if above:
+            checks.check_title(table, above)
+        if head[0].startswith("GYROFLOW IMU LOG"):
+            table = checks.scale_columns(table, head[1 : layout.start - 1])
+        if gaps:
+            checks.check_numbers(table, data, start, layout)
+            table, cut = checks.cut_at_header(table, data, start, layout)
+            said += cut
+    return table, {"format": "text table", "others": others, "notes": (*notes, *said)}
 
 
 def _read_body(
@@ -261,7 +257,6 @@ def _read_body(
     texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
     numeric = [i for i in wanted if i not in texts]
     values = read_numbers(data, start, layout, numeric)
-    table: Table = {}
     coded: list[int] = []
     if np.isnan(values).any():
         of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
@@ -269,22 +264,19 @@ def _read_body(
     written = [*texts, *coded]
     found = read_texts(data, start, layout, written) if written else []
     cells = dict(zip(written, found, strict=True))
+    table: Table = {}
     notes: dict[str, None] = {}
     for i, name in wanted.items():
-        column = cells.get(i, np.empty(0, dtype=object))
         if i in vectors:
-            table |= _take_apart(header[i], column)
+            table |= _take_apart(header[i], cells[i])
         elif i in texts:
-            table[name] = column
+            table[name] = cells[i]
         elif i in coded:
-            table[name], how = read_hexadecimal(column.tolist())
+            table[name], how = read_hexadecimal(cells[i].tolist())
             notes[f"hexadecimal numbers are read as {how}"] = None
         else:
             table[name] = values[numeric.index(i)]
-    others = [h for i, h in enumerate(layout.header) if i not in wanted]
-    if layout.unit or layout.rate_Hz is not None:
-        table = add_stated(table, layout)
-    return table, others, tuple(notes)
+    return table, [h for i, h in enumerate(layout.header) if i not in wanted], tuple(notes)
 
 
 def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -300,9 +292,8 @@ def _find_vectors(header: Sequence[str], rows: Sequence[Sequence[str]]) -> set[i
     """The columns that hold three numbers a cell."""
     found = set()
     for i, name in enumerate(header):
-        column = identify_column(f"{name}[0]")
         cells = [row[i] for row in rows if i < len(row) and row[i]]
-        if column is not None and cells and _most(cells, lambda cell: _THREE.fullmatch(cell)):
+        if identify_column(f"{name}[0]") is not None and _most(cells, _THREE.fullmatch):
             found.add(i)
     return found
 

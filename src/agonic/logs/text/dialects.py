@@ -2,12 +2,11 @@
 
 They are `texts` and `groups` in the table of dialects, `dialects.toml`.
 
-Rows of several kinds in one text made into tables, one for each kind.
-
-The columns of a kind stand in the table of dialects; in a comment, `# UncalMag,utcTimeMillis,…`
-(Android GnssLogger), `% Magnetometer data: 'MAGN;AppTimestamp(s);…'` (GetSensorData); or in
-sentences of their own: `$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors in the
-first cell or the second tell: `0.02 MAG 20.1 -3.2 43.0`.
+Rows of several kinds in one text are made into tables, one for each kind. The columns of a kind
+stand in the table of dialects; in a comment, `# UncalMag,utcTimeMillis,…` (Android GnssLogger),
+`% Magnetometer data: 'MAGN;AppTimestamp(s);…'` (GetSensorData); or in sentences of their own:
+`$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors in the first cell or the second
+tell: `0.02 MAG 20.1 -3.2 43.0`.
 """
 
 from __future__ import annotations
@@ -24,14 +23,16 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.logs.contents import to_number
+from agonic.logs.groups import INERTIAL, build_groups_log
 from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.headers.conventions import find_named_quantity, read_dialects
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
 from agonic.logs.text.layout import Layout, holds_values, is_header, split_cells
-from agonic.logs.text.long_table import BESIDE
 from agonic.logs.text.numbers import read_numbers
 from agonic.samples import Samples
+
+Table = dict[str, Array]
 
 
 class Cell(NamedTuple):
@@ -49,37 +50,6 @@ class Kind(NamedTuple):
     corrected: str = ""
 
 
-def _read_cells(cells: str) -> Iterator[Cell]:
-    """The cells that are written as in the table, an asterisk for x, y and z in turn.
-
-    >>> [cell.header for cell in _read_cells("time_s mag_*_mG/10")]
-    ['time_s', 'mag_x_mG', 'mag_y_mG', 'mag_z_mG']
-    """
-    for cell in cells.split():
-        name, _, counts = cell.partition("/")
-        theirs, _, ours = name.rpartition("=")
-        for axis in "xyz" if "*" in ours else "":
-            yield Cell(ours.replace("*", axis), float(counts or 1), theirs.replace("*", axis))
-        if "*" not in ours:
-            yield Cell(ours, float(counts or 1), theirs)
-
-
-@cache
-def find_group(name: str) -> dict[str, Kind]:
-    """The messages of a group by their names.
-
-    >>> find_group("MAVLink")["ATTITUDE"].cells[1]
-    Cell(header='roll_rad', counts=1.0, theirs='roll')
-    """
-    group = read_dialects()["groups"][name]
-    said = {"corrects": group["corrected"], "kinds": ""}
-    return {
-        kind: Kind(tuple(_read_cells(cells)), corrected)
-        for part, corrected in said.items()
-        for kind, cells in group[part].items()
-    }
-
-
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
     """How the rows of a text are known and what they hold: a row of `texts` in the table."""
@@ -93,48 +63,62 @@ class Dialect:
     separator: str | None = None
     pair: str = ""
 
+    def fits(self, head: Sequence[str], rows: Sequence[str]) -> bool:
+        """Whether a text is of it, by its first lines and by those of them that hold values."""
+        if self.above and not any(self.above in line for line in head):
+            return False
+        found = [match for row in rows if (match := re.match(self.row, row))]
+        kinds = {self.name_kind(match.groupdict().get("kind", "")) for match in found}
+        cells = [cell for kind in kinds & self.kinds.keys() for cell in self.kinds[kind].cells]
+        field = any(cell.header.startswith("mag_x") for cell in cells)
+        return field and len(found) > self.share * len(rows)
 
-def _make_dialect(row: Mapping[str, Any]) -> Dialect:
-    kinds = row["kinds"]
-    if isinstance(kinds, str):
-        known = find_group(kinds)
-    else:
-        known = {kind: Kind(tuple(_read_cells(cells))) for kind, cells in kinds.items()}
-    return Dialect(**{**row, "kinds": known})
+    def name_kind(self, written: str) -> str:
+        """The kind of a row, as the dialect names it."""
+        kind = written.strip()
+        return kind if kind in self.kinds else kind.upper()
+
+
+def _read_cells(cells: str) -> Iterator[Cell]:
+    """The cells that are written as in the table, an asterisk for x, y and z in turn."""
+    for cell in cells.split():
+        name, _, counts = cell.partition("/")
+        theirs, _, ours = name.rpartition("=")
+        for axis in "xyz" if "*" in ours else "*":
+            yield Cell(ours.replace("*", axis), float(counts or 1), theirs.replace("*", axis))
+
+
+@cache
+def find_group(name: str) -> dict[str, Kind]:
+    """The messages of a group by their names."""
+    group = read_dialects()["groups"][name]
+    return {
+        kind: Kind(tuple(_read_cells(cells)), corrected)
+        for part, corrected in (("corrects", group["corrected"]), ("kinds", ""))
+        for kind, cells in group[part].items()
+    }
 
 
 @cache
 def list_dialects() -> tuple[Dialect, ...]:
     """The dialects of text, in the order in which they are tried."""
-    return tuple(map(_make_dialect, read_dialects()["texts"]))
+    found = []
+    for row in read_dialects()["texts"]:
+        kinds = row["kinds"]
+        if isinstance(kinds, str):
+            known = find_group(kinds)
+        else:
+            known = {kind: Kind(tuple(_read_cells(cells))) for kind, cells in kinds.items()}
+        found.append(Dialect(**{**row, "kinds": known}))
+    return tuple(found)
 
 
 def find_dialect(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
     """The dialect of a text by its first lines, and by those of them that hold values."""
-    return next((dialect for dialect in list_dialects() if _fits(dialect, head, rows)), None)
-
-
-def _fits(dialect: Dialect, head: Sequence[str], rows: Sequence[str]) -> bool:
-    if dialect.above and not any(dialect.above in line for line in head):
-        return False
-    found = [match for row in rows if (match := re.match(dialect.row, row))]
-    kinds = {name_kind(match.groupdict().get("kind", ""), dialect) for match in found}
-    known = [dialect.kinds[kind] for kind in kinds & dialect.kinds.keys()]
-    field = any(cell.header.startswith("mag_x") for kind in known for cell in kind.cells)
-    return field and len(found) > dialect.share * len(rows)
-
-
-def name_kind(written: str, dialect: Dialect) -> str:
-    """The kind of a row, as the dialect names it."""
-    kind = written.strip()
-    return kind if kind in dialect.kinds else kind.upper()
+    return next((dialect for dialect in list_dialects() if dialect.fits(head, rows)), None)
 
 
 _STATED = re.compile(r"[#%]\W*(?:[^'\"]*['\"])?([A-Za-z]\w+)([,;])([^'\"]*)")
-_NO_HEADER = "there is no header: rows of {} are taken as {}"
-
-
-Stated = tuple[Dialect | None, tuple[str, ...]]
 
 
 def _make(
@@ -153,13 +137,13 @@ def _make(
     )
 
 
-def find_stated_dialect(head: Sequence[str]) -> Stated:
-    """The dialect that the first lines of a text show, if any, and notes."""
+def find_stated_dialect(head: Sequence[str]) -> tuple[Dialect | None, str]:
+    """The dialect that the first lines of a text show, if any, and a note or ""."""
     if any(line.startswith("$COL,") for line in head):
-        return _make(find_stated_columns(head)), ()
+        return _make(find_stated_columns(head)), ""
     rows = [line for line in head if holds_values(line)]
     if commented := _find_commented(head, rows):
-        return commented, ()
+        return commented, ""
     return _find_named(rows)
 
 
@@ -174,24 +158,16 @@ def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
         for found in stated:
             names = [name.strip() for name in found[3].split(separator)]
             if found[2] == separator and len(names) > 2:
-                headers[found[1]] = (
-                    [name for name in names if name]
-                    if len(names) > first.get(found[1], "").count(separator)
-                    else names
-                )
+                more = len(names) > first.get(found[1], "").count(separator)
+                headers[found[1]] = [name for name in names if name or not more]
         begun = headers.keys() & first
         if len(begun) > 1 or (begun and (len(headers) > 1 or first.keys() <= begun)):
             return _make(headers, separator=separator)
     return None
 
 
-def _find_named(rows: Sequence[str]) -> Stated:
-    """Those that are named for sensors, without a header.
-
-    >>> dialect, _ = _find_named(["0.1 MAG 20 1 43", "0.1 ACC 0.1 0.2 9.8", "0.3 MAG 21 0 43"])
-    >>> [[cell.header for cell in kind.cells] for kind in dialect.kinds.values()]
-    [['time', 'MAG x', 'MAG y', 'MAG z'], ['time', 'ACC x', 'ACC y', 'ACC z']]
-    """
+def _find_named(rows: Sequence[str]) -> tuple[Dialect | None, str]:
+    """Those that are named for sensors, without a header."""
     for separator, at in ((s, at) for s in (";", ",", "\t", None) for at in (0, 1)):
         kinds: dict[str, list[list[str]]] = defaultdict(list)
         for row in rows:
@@ -201,25 +177,23 @@ def _find_named(rows: Sequence[str]) -> Stated:
         known = {name: find_named_quantity(name) for name in kinds}
         if "field" not in known.values() or is_header(kinds[next(iter(kinds))][0]):
             continue
-        headers = {
-            name: _name_cells(name, kinds[name])
-            for name, quantity in known.items()
-            if quantity in ("field", *BESIDE)
-        }
-        told = {name: header for name, header in headers.items() if header}
-        field = next((name for name in told if known[name] == "field"), None)
+        sensors = [name for name, quantity in known.items() if quantity in ("field", *INERTIAL)]
+        named = {name: head for name in sensors if (head := _name_cells(name, kinds[name]))}
+        field = next((name for name in named if known[name] == "field"), None)
         if field is not None:
-            words = ", ".join(name for name in told[field] if name)
-            return _make(told, at, separator), (_NO_HEADER.format(", ".join(told), words),)
-    return None, ()
+            words = ", ".join(name for name in named[field] if name)
+            note = f"there is no header: rows of {', '.join(named)} are taken as {words}"
+            return _make(named, at, separator), note
+    return None, ""
 
 
 def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:
     """A header for rows of a kind: clocks first, three axes, and behind them what never changes;
     nothing where that is not what they are."""
-    width = min(map(len, rows))
-    columns = [[row[k] for row in rows] for k in range(width)]
-    clocks = next((k for k in range(width - 3) if not _grows(columns[k])), max(width - 3, 0))
+    columns = list(zip(*rows, strict=False))
+    width = len(columns)
+    growing = [all(a < b for a, b in pairwise(map(to_number, column))) for column in columns[:-3]]
+    clocks = growing.index(False) if False in growing else max(width - 3, 0)
     behind = columns[clocks + 3 :]
     if width < 3 or any(len(set(column)) > 1 for column in behind):
         return []
@@ -227,17 +201,8 @@ def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:
     return [*["time"][:clocks], *[""] * (clocks - 1), *axes, *[""] * len(behind)]
 
 
-def _grows(cells: Sequence[str]) -> bool:
-    """Whether each is more than the one before, as of a clock."""
-    return all(before < after for before, after in pairwise(map(to_number, cells)))
-
-
 def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
-    """The headers of sentences whose columns and units are stated before them, as FlySight does.
-
-    >>> find_stated_columns(["$COL,MAG,time,x,y,z", "$UNIT,MAG,s,gauss,gauss,gauss", "$DATA"])
-    {'$MAG': ['time (s)', 'MAG x (gauss)', 'MAG y (gauss)', 'MAG z (gauss)']}
-    """
+    """The headers of sentences whose columns and units are stated before them, as FlySight does."""
     stated: dict[str, dict[str, list[str]]] = {"$COL": {}, "$UNIT": {}}
     for line in lines:
         what, *cells = (cell.strip() for cell in line.split(","))
@@ -254,17 +219,24 @@ def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
     return headers
 
 
-Table = dict[str, Array]
-
-
 def read_dialect(dialect: Dialect, text: str) -> dict[str, Table]:
     """The columns of each kind of rows that a text has."""
-    read = _read_pairs if dialect.pair else _read_in_order
-    return {
-        name: read(dialect, dialect.kinds[name], rows)
-        for name, rows in _split_by_kind(dialect, text).items()
-        if name in dialect.kinds
-    }
+    tables = {}
+    for name, rows in _split_by_kind(dialect, text).items():
+        if (kind := dialect.kinds.get(name)) is None:
+            continue
+        if dialect.pair:
+            tables[name] = name_cells(kind, [dict(re.findall(dialect.pair, row)) for row in rows])
+            continue
+        headers = [cell.header for cell in kind.cells]
+        wanted = find_columns(headers)
+        layout = Layout(separator=dialect.separator, header=headers, start=0, width=len(headers))
+        values = read_numbers("\n".join(rows).encode(), 0, layout, list(wanted))
+        tables[name] = {
+            header: column / kind.cells[at].counts
+            for (at, header), column in zip(wanted.items(), values, strict=True)
+        }
+    return tables
 
 
 def _split_by_kind(dialect: Dialect, text: str) -> dict[str, list[str]]:
@@ -279,24 +251,7 @@ def _split_by_kind(dialect: Dialect, text: str) -> dict[str, list[str]]:
     for row in rows:
         written = row[cells] if before < 0 else f"{row[before]}{between}{row[cells]}"
         found["" if kind < 0 else row[kind]].append(written)
-    return {name_kind(name, dialect): some for name, some in found.items()}
-
-
-def _read_in_order(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
-    """The columns of cells in a known order."""
-    headers = [cell.header for cell in kind.cells]
-    wanted = find_columns(headers)
-    layout = Layout(separator=dialect.separator, header=headers, start=0, width=len(headers))
-    values = read_numbers("\n".join(rows).encode(), 0, layout, list(wanted))
-    return {
-        header: column / kind.cells[at].counts
-        for (at, header), column in zip(wanted.items(), values, strict=True)
-    }
-
-
-def _read_pairs(dialect: Dialect, kind: Kind, rows: Sequence[str]) -> Table:
-    """The columns of cells that are named."""
-    return name_cells(kind, [dict(re.findall(dialect.pair, row)) for row in rows])
+    return {dialect.name_kind(name): some for name, some in found.items()}
 
 
 def name_cells(kind: Kind, rows: Sequence[Mapping[str, Any]]) -> Table:
@@ -308,30 +263,22 @@ def name_cells(kind: Kind, rows: Sequence[Mapping[str, Any]]) -> Table:
     return {header: values for header, values in columns.items() if np.isfinite(values).any()}
 
 
-def build_dialect_log(dialect: Dialect, text: str, facts: Facts) -> Log:
-    """The log that rows of a dialect are."""
-    return build_kinds_log(read_dialect(dialect, text), dialect.kinds, facts)
-
-
 def build_kinds_log(tables: Mapping[str, Table], kinds: Mapping[str, Kind], facts: Facts) -> Log:
     """The log that tables of several kinds are, by their names; one without a name is alone."""
     if "" in tables:
         log = build_log(tables[""], **facts)
     else:
-        from agonic.logs.groups import build_groups_log
-
-        others = [
-            n for n, table in tables.items() if {*find_quantities(table).values()} <= {"time"}
-        ]
-        groups = {name.lstrip("$"): table for name, table in tables.items() if name not in others}
-        facts["others"] = others
-        log = build_groups_log(groups, **facts)
-    return replace(log, sensors=tuple(_mark(one, kinds) for one in log.sensors))
-
-
-def _mark(samples: Samples, kinds: Mapping[str, Kind]) -> Samples:
-    kind = kinds.get(samples.name.partition(" ")[0])
-    return samples if kind is None else mark_corrected(samples, kind.corrected)
+        bare = [n for n, table in tables.items() if {*find_quantities(table).values()} <= {"time"}]
+        groups = {name.lstrip("$"): table for name, table in tables.items() if name not in bare}
+        log = build_groups_log(groups, **(facts | {"others": bare}))
+    none = Kind(())
+    return replace(
+        log,
+        sensors=tuple(
+            mark_corrected(one, kinds.get(one.name.partition(" ")[0], none).corrected)
+            for one in log.sensors
+        ),
+    )
 
 
 def mark_corrected(samples: Samples, how: str) -> Samples:

@@ -70,10 +70,6 @@ def _find_torn(data: bytes) -> int:
     before it, or whose last number is shorter than those of all lines like it.
 
     The length of the text where there is none.
-
-    >>> text = b"1.25 3.50\\n2.25 4.50\\n3.25 5.50\\n4.25 6."
-    >>> text[_find_torn(text):], text[_find_torn(text[:-3]):]
-    (b'4.25 6.', b'4.25 6.')
     """
     start = data.rfind(b"\n") + 1
     last = data[start:].strip()

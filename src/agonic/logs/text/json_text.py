@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.contents import to_number
 from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
-from agonic.logs.log import Facts, Log
+from agonic.logs.log import About, Facts, Log
 from agonic.logs.text.dialects import Cell, Kind, build_kinds_log, find_group, name_cells
 from agonic.logs.text.layout import SAMPLE
 from agonic.logs.text.long_table import build_tables_log, name_label
@@ -36,8 +35,8 @@ _LARGEST = 1_000_000_000
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a JSON text is; `unit` is that of the field where no name tells one."""
     records, broken = _load_file(path)
+    facts = Facts(path=path, source=source, format="MAVLink as JSON", unit=unit)
     if messages := _gather_messages(records):
-        facts = Facts(path=path, source=source, format="MAVLink as JSON", unit=unit)
         return build_kinds_log(messages, find_group("MAVLink"), facts)
     table, found = _make_table(records, broken)
     return build_tables_log(table, path=path, source=source, unit=unit, **found)
@@ -60,20 +59,14 @@ def _gather_messages(records: list[dict[str, Any]]) -> dict[str, dict[str, NDArr
     return tables if any("mag_x_mG" in table for table in tables.values()) else {}
 
 
-def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], About]:
     """The columns that are understood, by name, and what to tell of the file."""
     return _make_table(*_load_file(path))
 
 
-def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
-    if path.stat().st_size > _LARGEST:
-        raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
-    return _load(path.read_bytes())
-
-
 def _make_table(
     records: list[dict[str, Any]], broken: int
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+) -> tuple[dict[str, NDArray[Any]], About]:
     table, others = make_table(records)
     notes = (f"{broken} lines or an incomplete end are not JSON and were left out",) * (broken > 0)
     return table, {"format": "JSON", "others": others, "notes": notes}
@@ -93,9 +86,11 @@ def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], 
     return table, [name for i, name in enumerate(names) if i not in wanted]
 
 
-def _load(data: bytes) -> tuple[list[dict[str, Any]], int]:
+def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
     """The objects in a text, and how many of its lines are none."""
-    data = decode_marked(data)
+    if path.stat().st_size > _LARGEST:
+        raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
+    data = decode_marked(path.read_bytes())
     for text in (data, _NO_NUMBER.sub(b"null", data)):
         try:
             return _find_records(msgspec.json.decode(text)), 0
@@ -107,15 +102,9 @@ def _load(data: bytes) -> tuple[list[dict[str, Any]], int]:
 
 
 def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
-    records, broken = [], 0
-    for line in data.splitlines():
-        if not line.strip():
-            continue
-        record = _load_line(line)
-        if isinstance(record, dict):
-            records.append(record)
-        else:
-            broken += 1
+    found = [_load_line(line) for line in data.splitlines() if line.strip()]
+    records = [record for record in found if isinstance(record, dict)]
+    broken = len(found) - len(records)
     if broken > len(records):
         try:
             return _find_records(msgspec.json.decode(_close_brackets(data))), 1
@@ -131,11 +120,7 @@ _CLOSING = {b"[": b"]", b"{": b"}"}
 
 
 def _close_brackets(data: bytes) -> bytes:
-    """A text that ends in the middle, as far as its objects are whole; empty where that is none.
-
-    >>> _close_brackets(b'{"a": [{"x": 1}, {"x": 2}, {"x')
-    b'{"a": [{"x": 1}, {"x": 2}]}'
-    """
+    """A text that ends in the middle, as far as its objects are whole; empty where that is none."""
     opened: list[bytes] = []
     whole, left = 0, b""
     for match in _BRACKET.finditer(data):
@@ -150,11 +135,7 @@ def _close_brackets(data: bytes) -> bytes:
 
 
 def _spread(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The objects in a list that each object holds, as phones send them; else the objects.
-
-    >>> _spread([{"device": 7, "payload": [{"name": "mag", "time": 1, "values": {"x": 2}}]}])
-    [{'device': 7, 'sensor': 'mag', 'time': 1, 'x': 2}]
-    """
+    """The objects in a list that each object holds, as phones send them; else the objects."""
     first = records[0] if records else {}
     name = next((n for n, v in first.items() if isinstance(v, list) and v and _are_objects(v)), "")
     if not name:
@@ -247,11 +228,7 @@ def _make_columns(records: list[dict[str, Any]]) -> dict[str, list[Any]]:
 
 
 def _unpack(record: dict[str, Any]) -> list[dict[str, Any]]:
-    """The records that a packet of several readings is: its lists of objects taken apart.
-
-    >>> _unpack({"t": 5, "mag": [{"x": 1}, {"x": 2}]})
-    [{'t': 5, 'mag': {'x': 1}}, {'t': 5, 'mag': {'x': 2}}]
-    """
+    """The records that a packet of several readings is: its lists of objects taken apart."""
     if len(lengths := {length for length in _measure(record) if length}) != 1:
         return [record]
     return [_take(record, k) for k in range(lengths.pop())]
@@ -304,9 +281,7 @@ def to_column(column: list[Any], *, textual: bool) -> NDArray[Any]:
 
 
 def _number(value: Any) -> float:
-    if isinstance(value, str):
-        return to_number(value)
     try:
-        return float(value) if isinstance(value, int | float) else np.nan
-    except OverflowError:
+        return float(value) if isinstance(value, int | float | str) else np.nan
+    except (OverflowError, ValueError):
         return np.nan

@@ -34,11 +34,7 @@ _MOST_WITHIN = 8
 
 
 def is_echo(rows: Sequence[str]) -> bool:
-    """Whether lines are such messages: names alone, values below them, and a mark between.
-
-    >>> is_echo(["header:", "  seq: 1", "magnetic_field:", "  x: 1.0e-05", "---"])
-    True
-    """
+    """Whether lines are such messages: names alone, values below them, and a mark between."""
     plain = [row.rstrip() for row in rows]
     opened = any((line := _LINE.fullmatch(row)) and not line["value"] for row in plain)
     known = (row in _BETWEEN or _LINE.fullmatch(row) or _ITEM.fullmatch(row) for row in plain)
@@ -46,11 +42,7 @@ def is_echo(rows: Sequence[str]) -> bool:
 
 
 def read_echo(rows: Iterable[str]) -> Iterator[dict[str, object]]:
-    """The values of each message by dotted names.
-
-    >>> list(read_echo(["a:", "  x: 1", "  y: [1, 2, 3]", "---", "a:", "  x: 2"]))
-    [{'a.x': '1', 'a.y': ['1', '2', '3']}, {'a.x': '2'}]
-    """
+    """The values of each message by dotted names."""
     message: dict[str, object] = {}
     within: list[tuple[int, str]] = []
     for row in rows:
@@ -110,13 +102,7 @@ class Reading(NamedTuple):
 
 
 def is_labelled(rows: Sequence[str]) -> bool:
-    """Whether one line of three, or more of them, names three numbers or more, or each names one.
-
-    >>> is_labelled(["X: 1.5 Y: 2 Z: 3 uT", "Heading: 12"]), is_labelled(["1,2,3"])
-    (True, False)
-    >>> is_labelled(["M: 1, 2, 3"]), is_labelled(["x: 1", "y: 2", "z: 3", "x: 4"])
-    (True, True)
-    """
+    """Whether one line of three, or more, names three numbers or more, or each names one."""
     plain = [row for row in rows if not _TITLE.fullmatch(row)]
     found = [[one.name for one in Scanner().scan(_QUOTED.sub("", row))] for row in plain]
     several = sum(len(names) >= 3 for names in found)
@@ -132,11 +118,7 @@ class Scanner:
         self._group = ""
 
     def scan(self, line: str) -> list[Reading]:
-        """The numbers of a line with their names; a name with two numbers behind it has none.
-
-        >>> [(one.name, one.unit) for one in Scanner().scan("Mag X: 1 Y: 2 Z: 3 uT")]
-        [('Mag X', 'uT'), ('Mag Y', 'uT'), ('Mag Z', 'uT')]
-        """
+        """The numbers of a line with their names; a name with two numbers behind it has none."""
         found: list[Reading] = []
         titled = ""
         labels = list(_LABEL.finditer(line[:_LONGEST]))
@@ -188,8 +170,7 @@ class Scanner:
 
 def _split_unit(name: str) -> tuple[str, str]:
     """A unit that ends what stood before, and the name behind it: "uT Accel X", "uT Y"; the one
-    letter of "g x" may be a sensor's name.
-    """
+    letter of "g x" may be a sensor's name."""
     first, _, rest = name.partition(" ")
     named = len(first) == 1 and re.fullmatch(r"[xyz]", rest.strip(), re.IGNORECASE)
     return (first, rest.strip()) if rest and is_unit(first) and not named else ("", name.strip())
@@ -212,11 +193,7 @@ def _may_have(name: str, unit: str) -> bool:
 
 
 def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """The columns of lines that name each of their numbers, and the names of the others.
-
-    >>> read_labelled(["mx: 1 my: 2 mz: 3 uT", "mx: 4 my: 5 mz: 6 uT"])[0]["mx (uT)"].tolist()
-    [1.0, 4.0]
-    """
+    """The columns of lines that name each of their numbers, and the names of the others."""
     scanner, lines, stamps = Scanner(), [], []
     clock = max(_STAMPS, key=lambda kind: sum(bool(_STAMPS[kind].match(r)) for r in rows[:SAMPLE]))
     for row in rows:
@@ -244,16 +221,15 @@ def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], 
     for name, unit in counts:
         units = {other: n for (of, other), n in counts.items() if of == name and other}
         plain = identify_column(name)
+        header = f"{name} ({unit})" if unit else name
         if (name, unit) in unscaled:
-            headers[name, unit] = ""
-            continue
-        if plain is not None and plain.unit is not None:
-            headers[name, unit] = name  # a name that tells its unit
+            header = ""
+        elif plain is not None and plain.unit is not None:
+            header = name  # a name that tells its unit
         elif len(units) == 1:
-            (only, times), without = *units.items(), counts[name, ""]
-            headers[name, unit] = f"{name} ({only})" if times >= without else name
-        else:
-            headers[name, unit] = f"{name} ({unit})" if unit else name
+            ((only, times),) = units.items()
+            header = f"{name} ({only})" if times >= counts[name, ""] else name
+        headers[name, unit] = header
     return headers
 
 

@@ -1,9 +1,6 @@
-"""How a text table is laid out: its separator, its header, where its rows start, and what the
-lines before it state of all rows: a sampling rate, the unit of the field, in logs of Gyroflow the
-factors of counts.
-
-Source: Gyroflow documentation, `.gcsv` format: `t` times `tscale` is seconds, `gx` times `gscale`
-rad/s, `ax` times `ascale` g, `mx` times `mscale` gauss; `timestamp` is the start in Unix seconds.
+"""How a text table is laid out: its separator, its header, where its rows start, what the lines
+before it state of all rows; without a line of names, the names of its columns: those in a comment,
+or by what the columns do.
 """
 
 from __future__ import annotations
@@ -12,74 +9,21 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, UnitError
 from agonic.logs.contents import to_number
-from agonic.logs.headers.columns import find_quantities, refuse_many
+from agonic.logs.headers.column_names import number_columns
+from agonic.logs.headers.columns import refuse_many
 from agonic.logs.headers.header import identify_column
 from agonic.logs.headers.quantities import AMBIGUOUS
 from agonic.units import find_unit
-
-_SCALES = {
-    "t": ("tscale", "time_s"),
-    **{f"m{axis}": ("mscale", f"mag_{axis}_G") for axis in "xyz"},
-    **{f"a{axis}": ("ascale", f"acc_{axis}_g") for axis in "xyz"},
-    **{f"g{axis}": ("gscale", f"gyro_{axis}_rad_s") for axis in "xyz"},
-}
-"""The factor of each column, and its name once that is applied."""
-
-
-def scale_columns(
-    table: Mapping[str, NDArray[Any]], above: Sequence[str]
-) -> dict[str, NDArray[Any]]:
-    """The columns in the units that the lines above them state; one without a factor stays.
-
-    >>> scale_columns({"t": np.array([0, 5])}, ["tscale,0.001"])["time_s"].tolist()
-    [0.0, 0.005]
-    """
-    pairs = (line.replace(":", ",").split(",", 1) for line in above if line.strip())
-    stated = {pair[0].strip(): to_number(pair[1]) for pair in pairs if len(pair) == 2}
-    scaled = {}
-    for header, values in table.items():
-        factor, name = _SCALES.get(header, ("", ""))
-        if np.isfinite(stated.get(factor, np.nan)):
-            scaled[name] = values * stated[factor]
-        else:
-            scaled[header] = values
-    start = stated.get("timestamp", np.nan)
-    if np.isfinite(start) and scaled:
-        scaled["epoch_unix_s"] = np.full(len(next(iter(scaled.values()))), start)
-    return scaled
-
-
-def add_stated(table: Table, layout: Layout) -> Table:
-    """The columns, with a unit and times from those lines where no column tells them."""
-    if layout.unit and table and "unit" not in find_quantities(table).values():
-        rows = len(next(iter(table.values())))
-        table = {**table, "unit": np.full(rows, layout.unit, dtype=object)}
-    return _add_rate(table, layout)
-
-
-def _add_rate(table: Table, layout: Layout) -> Table:
-    """The columns, with times from the sampling rate where no column is a clock."""
-    if layout.rate_Hz is None or not table:
-        return table
-    clocks = {h for h, quantity in find_quantities(table).items() if quantity == "time"}
-    empty = {h for h in clocks if table[h].dtype.kind == "f" and np.isnan(table[h]).all()}
-    if clocks - empty:
-        return table
-    rows = len(next(iter(table.values())))
-    others = {header: values for header, values in table.items() if header not in empty}
-    return {**others, "time_s": np.arange(rows) / layout.rate_Hz}
-
 
 Table = dict[str, NDArray[Any]]
 """The columns of a text table, by header."""
@@ -132,11 +76,7 @@ class Layout:
     notes: tuple[str, ...] = ()
 
     def split(self, line: str) -> list[str]:
-        """The cells of a line, with a decimal point in their numbers.
-
-        >>> Layout(separator=",", header=[], start=0, width=2, comma=True).split('"0,5","1,25"')
-        ['0.5', '1.25']
-        """
+        """The cells of a line, with a decimal point in their numbers."""
         if self.comma and self.separator != ",":
             return split_cells(line.replace(",", "."), self.separator)
         cells = split_cells(line, self.separator)
@@ -164,44 +104,114 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
     counts = [count_cells(lines[i], separator) for i in sample]
     width = Counter(counts).most_common(1)[0][0]
     refuse_many(width)
-    at = next(k for k in range(len(sample)) if _begins(lines[sample[k]], separator, width))
+    # rows may end in a separator that their header has not
+    at = next(
+        k
+        for k, (i, count) in enumerate(zip(sample, counts, strict=True))
+        if count == width
+        or (separator and count == width - 1 and is_header(split_cells(lines[i], separator)))
+    )
     notes = (f"{at} lines before the table skipped",) * (at > 0)
-    first = split_cells(lines[sample[at]], separator)
-    rate = _find_rate(lines[: sample[at]])
     start = sample[at]
-    headed = is_header(first)
+    above = lines[:start]
+    header = split_cells(lines[start], separator)
+    headed = is_header(header)
     comma = _has_decimal_comma([lines[i] for i in sample[at + headed :]], separator)
     if headed:
-        header = first
-        if at + 1 < len(sample) and _is_row_of_units(lines[sample[at + 1]], separator, first):
+        units = split_cells(lines[sample[at + 1]], separator) if at + 1 < len(sample) else []
+        if _are_units(units, header):
             at += 1
-            units = split_cells(lines[sample[at]], separator)
-            header = [_with_unit(name, unit) for name, unit in zip(first, units, strict=False)]
+            header = [_with_unit(name, unit) for name, unit in zip(header, units, strict=True)]
         start = sample[at] + 1
     else:
-        from agonic.logs.text.headless import name_columns
-
+        comment = next((line for line in reversed(above) if line and not holds_values(line)), "")
+        before, said = (
+            cells if is_header(cells := split_cells(line, separator)) else []
+            for line in (lines[sample[at - 1]] if at else "", comment.strip(f"{COMMENT} "))
+        )
         rows = [split_cells(lines[i], separator) for i in sample[at:]]
-        last = lines[sample[at - 1]] if at else ""
-        before = reversed(lines[:start])
-        comment = next((line for line in before if line and not holds_values(line)), "")
-        header, said = name_columns(
-            _take_words(last, separator), _take_words(comment.strip(f"{COMMENT} "), separator),
-            rows, hashed=comment.startswith("# "),
-        )  # fmt: skip
-        notes += said
+        header = _name_columns(before, said, rows, hashed=comment.startswith("# "))
+        if header == _TIMED:
+            notes += (_TIMED_NOTE,)
     return Layout(
         separator=separator, header=header, start=start, width=width, comma=comma,
-        rate_Hz=rate, unit=_find_unit(lines[:start]), notes=notes,
+        rate_Hz=_find_rate(above), unit=_find_unit(lines[:start]), notes=notes,
     )  # fmt: skip
 
 
-def _begins(line: str, separator: str | None, width: int) -> bool:
-    """Whether a table of so many cells may begin here; its rows may end in a separator."""
-    count = count_cells(line, separator)
-    if count == width:
-        return True
-    return separator is not None and count == width - 1 and is_header(split_cells(line, separator))
+_MOMENT = ((1900, 2100), (1, 13), (1, 32), (0, 25), (0, 60), (0, 61))
+"""What a year, a month, a day, an hour, a minute and a second can be."""
+_STEPS = 20
+"""So many steady steps are those of a clock: what is measured goes up and down."""
+_TIMED = ["time", *"xyz"]
+_TIMED_NOTE = (
+    "there is no header: the first column grows steadily and is taken as the time, the others as "
+    "x, y and z of a magnetometer"
+)
+
+
+def _name_columns(
+    above: list[str], comment: list[str], rows: Sequence[Sequence[str]], *, hashed: bool
+) -> list[str]:
+    """The header of rows, from the words of the line above them or of the last comment before
+    them, else x, y, z.
+
+    One of one more cell above is taken where no column can be behind it ("Comment"); in a comment
+    that a hash and a blank begin (`hashed`) the hash may be the name of a count of rows.
+    """
+    width = len(rows[0])
+    if len(above) == width + 1 and identify_column(above[-1]) is None:
+        return above[:-1]
+    if hashed and len(comment) == width - 1 and _counts_rows(rows):
+        return ["#", *comment]
+    if comment and len(comment) == width:
+        return comment
+    if numbers := number_columns(width):
+        return numbers
+    if 2 * len(above) == width:
+        raise LogError(
+            f"the header has {len(above)} names and the rows have {width} cells: with decimal "
+            "commas, cells must be separated by something else (a semicolon)"
+        )
+    if width == 4 and (name := _name_first(rows)):
+        return [name, *"xyz"]
+    if width != 3:
+        raise LogError(
+            f"{width} columns and no header; name them in a first line such as "
+            "time_s,mag_x_uT,mag_y_uT,mag_z_uT (three columns alone are taken as x, y, z), or say "
+            "by their numbers which are which, as in --columns "
+            f"{_example_of(width, rows[0])} --unit uT"
+        )
+    return list("xyz")
+
+
+def _name_first(rows: Sequence[Sequence[str]]) -> str:
+    """What the first of four columns is without a name: a clock by its steady steps from row to
+    row, a count of rows by steps of one; "" where it may be anything."""
+    values = [to_number(row[0]) for row in rows if len(row) == len(rows[0])]
+    steps = sorted(after - before for before, after in pairwise(values))
+    if len(steps) < _STEPS or not steps[0] > 0:
+        return ""
+    if _counts_rows(rows):
+        return "row"
+    usual = steps[len(steps) // 2]
+    steady = sum(usual / 2 < step < 2 * usual for step in steps)
+    return "time" if steady > 0.9 * len(steps) else ""
+
+
+def _counts_rows(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether the first column counts the rows, from zero or one."""
+    values = [to_number(row[0]) for row in rows if row]
+    return bool(values) and values[0] in (0.0, 1.0) and all(b - a == 1 for a, b in pairwise(values))
+
+
+def _example_of(width: int, first: Sequence[str]) -> str:
+    """What to write of a table of so many columns, and with such a first row."""
+    parts = zip([to_number(cell) for cell in first[:6]], _MOMENT, strict=False)
+    if width > 8 and all(low <= part < end for part, (low, end) in parts):
+        return "year=1,month=2,day=3,hour=4,minute=5,second=6,x=7,y=8,z=9"
+    known = {4: "time=1,x=2,y=3,z=4", 9: "acc_x_g=1,acc_y_g=2,acc_z_g=3,x=7,y=8,z=9"}
+    return known.get(width, "time=…,x=…,y=…,z=…")
 
 
 def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:
@@ -210,12 +220,6 @@ def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:
         return any("," in row for row in rows)
     quoted = [cell for row in rows if '"' in row for cell in split_cells(row, ",")]
     return any(map(_DECIMAL.fullmatch, quoted)) and not any("." in cell for cell in quoted)
-
-
-def _take_words(line: str, separator: str | None) -> list[str]:
-    """The cells of a line, if most of them are words."""
-    cells = split_cells(line, separator)
-    return cells if is_header(cells) else []
 
 
 def _find_rate(lines: Sequence[str]) -> float | None:
@@ -237,9 +241,8 @@ def _find_unit(lines: Sequence[str]) -> str:
     return ""
 
 
-def _is_row_of_units(line: str, separator: str | None, header: Sequence[str]) -> bool:
-    """Whether a line below the header holds units that make sense behind the names."""
-    units = split_cells(line, separator)
+def _are_units(units: Sequence[str], header: Sequence[str]) -> bool:
+    """Whether the cells below a header are units that make sense behind the names."""
     if len(units) != len(header) or not is_header([unit.replace(",", "") for unit in units]):
         return False
     words = [(h, u) for h, u in zip(header, units, strict=True) if u and math.isnan(to_number(u))]

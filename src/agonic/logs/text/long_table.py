@@ -9,26 +9,23 @@ time,sensor,x,y,z                     time,channel,value,unit
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agonic.logs.contents import to_number
+from agonic.logs.groups import INERTIAL, build_groups_log
 from agonic.logs.headers.columns import find_quantities, identify_columns
 from agonic.logs.headers.conventions import find_named_quantity
 from agonic.logs.headers.header import identify_column
 from agonic.logs.headers.quantities import FALLBACK
-from agonic.logs.log import Facts, Log
+from agonic.logs.log import Facts, Log, Table
 from agonic.logs.table import build_log
 
-Table = Mapping[str, NDArray[Any]]
 LABEL = "sensor"
-
 _MOST = 64
-BESIDE = ("acceleration", "rotation_rate")
 
 
 def build_tables_log(table: Table, **facts: Unpack[Facts]) -> Log:
@@ -39,18 +36,12 @@ def build_tables_log(table: Table, **facts: Unpack[Facts]) -> Log:
     parts = split_by_sensor(table)
     if parts is None:
         return build_log(table, **facts)
-    from agonic.logs.groups import build_groups_log
-
-    paths = {name: Path(name) for name in parts}
-    return build_groups_log(parts, paths=paths, **facts)
+    return build_groups_log(parts, {name: Path(name) for name in parts}, **facts)
 
 
 def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """The headers, with "sensor" for a column whose cells name a magnetometer and another sensor,
     whatever it is called: rows of both must not become one sensor's.
-
-    >>> name_label(["t", "type", "x"], [["0", "Gyroscope", "1"], ["0", "Magnetometer", "2"]])
-    ['t', 'sensor', 'x']
     """
     names = list(headers)
     if LABEL in find_quantities(names).values():
@@ -62,7 +53,7 @@ def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[st
         if len(cells) > _MOST or not any(cell[:1].isalpha() for cell in cells):
             continue
         named = {find_named_quantity(cell) for cell in cells if cell}
-        if "field" in named and named & set(BESIDE):
+        if "field" in named and named & INERTIAL.keys():
             return [*names[:at], LABEL, *names[at + 1 :]]
     return names
 
@@ -71,11 +62,6 @@ def split_by_sensor(table: Table) -> dict[str, Table] | None:
     """The tables of the sensors that a long one holds; `None` where it is none.
 
     Rows of something that is neither a magnetometer, an accelerometer nor a gyroscope are left out.
-
-    >>> table = {"t": np.arange(2.0), "sensor": np.array(["gyro", "mag"]), "x": np.ones(2),
-    ...          "y": np.ones(2), "z": np.ones(2)}
-    >>> {name: list(part) for name, part in split_by_sensor(table).items()}
-    {'gyro': ['t', 'gyro x', 'gyro y', 'gyro z'], 'mag': ['t', 'x', 'y', 'z']}
     """
     found = identify_columns(table)
     label = found.get("sensor", {}).get("", {}).get("")
@@ -89,7 +75,7 @@ def split_by_sensor(table: Table) -> dict[str, Table] | None:
     axes = {column.header: axis for axis, column in bare.items()}
     parts: dict[str, Table] = {}
     for name, quantity in quantities.items():
-        if quantity not in ("field", *BESIDE):
+        if quantity not in ("field", *INERTIAL):
             continue
         rows = names == name
         parts[name] = {
@@ -110,12 +96,7 @@ class Channels(NamedTuple):
 
 
 def find_channels(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Channels | None:
-    """The columns of a table with a channel a row, where those are the axes of a field at least.
-
-    >>> rows = [["0", f"mag_{axis}", "2.5"] for axis in "xyz"]
-    >>> find_channels(["time", "channel", "value"], rows)
-    Channels(name=1, value=2, unit=None, time=0)
-    """
+    """The columns of a table with a channel a row, where those are the axes of a field at least."""
     known = list(find_quantities(header).values())
     free = [at for at, quantity in enumerate(known) if quantity in ("", "sensor")]
     if "field" in known or len(free) < 2:
@@ -142,12 +123,7 @@ def _are_numbers(cells: Iterable[str]) -> bool:
 def gather_channels(
     columns: Channels, header: Sequence[str], rows: Iterable[Sequence[str]]
 ) -> list[dict[str, Any]]:
-    """The values by channel, those of one time in one record; without times, until one comes again.
-
-    >>> rows = [["0", f"mag_{axis}", "2.5"] for axis in "xyz"]
-    >>> gather_channels(Channels(1, 2, None, 0), ["time", "channel", "value"], rows)
-    [{'time': '0', 'mag_x': '2.5', 'mag_y': '2.5', 'mag_z': '2.5'}]
-    """
+    """The values by channel, a record for each time; without times, until one comes again."""
     records: list[dict[str, Any]] = []
     at: dict[str, int] = {}
     last = max(one for one in columns if one is not None)

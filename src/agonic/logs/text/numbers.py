@@ -32,10 +32,6 @@ def find_hexadecimal(rows: Sequence[Sequence[str]], columns: Mapping[int, str]) 
 
     `columns` are positions with what they hold: one without a letter is such too where it has the
     width of one with letters that holds the same.
-
-    >>> rows = [["1000", "00FF", "0012"], ["1020", "FFB0", "0013"]]
-    >>> find_hexadecimal(rows, {0: "time", 1: "field", 2: "field"})
-    [1, 2]
     """
     cells = {at: [row[at] for row in rows if at < len(row) and row[at]] for at in columns}
     cells = {at: column for at, column in cells.items() if column}
@@ -60,23 +56,15 @@ def read_hexadecimal(cells: Sequence[str]) -> tuple[Array, str]:
     """The (n,) numbers in cells, NaN where there is none, and how they were taken.
 
     They are signed, as two's complement, where their steps are smaller so.
-
-    >>> read_hexadecimal(["0x0003", "0xFFFE", "0x0001"])
-    (array([ 3., -2.,  1.]), 'signed, of 16 bits')
     """
-    digits = [_take_digits(cell) for cell in cells]
+    found = [HEXADECIMAL.fullmatch(cell) or _BARE.fullmatch(cell) for cell in cells]
+    digits = [one[0].lower().removeprefix("0x") if one else "" for one in found]
     values = np.array([int(text, 16) if text else np.nan for text in digits], dtype=np.float64)
     bits = next(bits for bits in _BITS if bits >= 4 * max(map(len, digits), default=0))
     signed = np.where(values >= 2.0 ** (bits - 1), values - 2.0**bits, values)
     if _measure_steps(signed) < _measure_steps(values):
         return signed, f"signed, of {bits} bits"
     return values, "unsigned"
-
-
-def _take_digits(cell: str) -> str:
-    if HEXADECIMAL.fullmatch(cell):
-        return cell[2:]
-    return cell if _BARE.fullmatch(cell) else ""
 
 
 def _measure_steps(values: NDArray[np.float64]) -> float:
@@ -144,19 +132,17 @@ def read_texts(
     if arrow is not None:
         body = memoryview(data)[start:]
         if (table := _parse_by_arrow(arrow, body, layout, columns, arrow.string())) is not None:
-            return list(map(_decode_texts, table.columns))
+            coded = [column.combine_chunks().dictionary_encode() for column in table.columns]
+            texts = [[text.strip() for text in one.dictionary.to_pylist()] for one in coded]
+            return [
+                np.array(words, dtype=object)[one.indices.to_numpy()]  # each is made once
+                for words, one in zip(texts, coded, strict=True)
+            ]
     cells = [layout.split(row) for row in split_rows(data, start)]
     return [
         np.array([row[at] if at < len(row) else "" for row in cells], dtype=object)
         for at in columns
     ]
-
-
-def _decode_texts(column: Any) -> NDArray[np.object_]:
-    """A column of pyarrow as Python's texts, each made once."""
-    whole = column.combine_chunks().dictionary_encode()
-    texts = np.array([text.strip() for text in whole.dictionary.to_pylist()], dtype=object)
-    return np.asarray(texts[whole.indices.to_numpy()])
 
 
 def _parse_by_arrow(
@@ -209,13 +195,9 @@ def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array
             rows, delimiter=layout.separator, usecols=columns, comments=None, ndmin=2, unpack=True
         )
     except ValueError:
-        return _read_one_by_one(rows, layout, columns)
-
-
-def _read_one_by_one(rows: Sequence[str], layout: Layout, columns: Sequence[int]) -> Array:
-    cells = map(layout.split, rows)
-    values = (_read_cell(row[i]) if i < len(row) else math.nan for row in cells for i in columns)
-    return np.fromiter(values, np.float64).reshape(len(rows), len(columns)).T
+        split = map(layout.split, rows)
+        cells = (_read_cell(row[i]) if i < len(row) else math.nan for row in split for i in columns)
+        return np.fromiter(cells, np.float64).reshape(len(rows), len(columns)).T
 
 
 def _read_cell(cell: str) -> float:

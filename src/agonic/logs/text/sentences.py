@@ -15,8 +15,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import reduce
 from math import nan
-from pathlib import Path
+from operator import xor
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,43 +26,52 @@ from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.headers.header import identify_column
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
 from agonic.logs.rows.auxiliary import PERIODS_DEG
 from agonic.logs.rows.resample import resample
 from agonic.logs.table import build_log
 from agonic.logs.text.dialects import find_group, mark_corrected
 from agonic.logs.text.layout import Table
-from agonic.provenance import Input
 from agonic.units import DAY_S
 
 _TAKEN = ("roll_deg", "pitch_deg", "temperature")
 """What transducers tell beside a field."""
-_XDR_UNITS = {"A": {"D": "deg"}, "C": {"C": "C", "K": "K"}}
+_XDR_UNITS = {("A", "D"): "deg", ("C", "C"): "C", ("C", "K"): "K"}
 """Units of the transducers, by their type and the letter in the sentence."""
 _CLOCK = re.compile(r"(\d\d)(\d\d)(\d\d(?:\.\d*)?)")
 _FEWEST = 2
 _REACH = 2.0
 """Usual distances between two sentences of a kind that one may be from a field."""
+ALONE = "MAG"
+"""What a sentence of three numbers without a name is taken for."""
+_CH_ROBOTICS = {"0": "PCHRSGYR", "1": "PCHRSACC", "2": "PCHRSMAG"}
+"""The sensors of $PCHRS,sensor,time,x,y,z, whose time comes behind the axes then."""
+_SENTENCE = re.compile(
+    r"(?P<before>[^$]*)[$!](?P<body>(?:[A-Z]{3,},|(?=-?[\d.]+,))[^*]*)(?:\*(?P<sum>\S{2}))?"
+)
 
-Sentence = tuple[int, str, Sequence[str]]
-"""The number of its line, its name and its cells."""
+
+class Sentence(NamedTuple):
+    """The number of its line, its name, its cells, and what stands before it."""
+
+    line: int
+    name: str
+    cells: Sequence[str]
+    stamp: str = ""
+
+
 Series = tuple[Array, Array]
 """Numbers of lines, and the values that they hold."""
 
 
 def read_transducers(sentences: Sequence[Sentence]) -> dict[str, Series]:
-    """The values of XDR sentences by the names in them, those of one round at one line.
-
-    >>> cells = "G,12,,MAGX,G,-3,,MAGY,A,2.5,D,PITCH".split(",")
-    >>> sorted(read_transducers([(0, "YXXDR", cells)]))
-    ['MAGX', 'MAGY', 'PITCH (deg)']
-    """
+    """The values of XDR sentences by the names in them, those of one round at one line."""
     rounds: list[tuple[int, dict[str, float]]] = []
-    for line, name, cells in sentences:
+    for line, name, cells, _ in sentences:
         if not name.endswith("XDR"):
             continue
         for kind, value, unit, named in zip(*(cells[k::4] for k in range(4)), strict=False):
-            known = _XDR_UNITS.get(kind, {}).get(unit)
+            known = _XDR_UNITS.get((kind, unit))
             header = f"{named} ({known})" if known else named
             if not rounds or header in rounds[-1][1]:
                 rounds.append((line, {}))
@@ -73,13 +84,9 @@ def read_transducers(sentences: Sequence[Sentence]) -> dict[str, Series]:
 
 
 def read_beside(sentences: Sequence[Sentence]) -> dict[str, Series]:
-    """Columns of canonical names that the sentences tell, at the lines where they do.
-
-    >>> list(read_beside([(4, "GPHDT", ["74.8", "T"])]))
-    ['heading_deg']
-    """
+    """Columns of canonical names that the sentences tell, at the lines where they do."""
     found: dict[str, list[tuple[float, float]]] = {}
-    for line, name, cells in sentences:
+    for line, name, cells, _ in sentences:
         for header, value in _read_one(name, cells).items():
             if np.isfinite(value):
                 found.setdefault(header, []).append((line, value))
@@ -96,29 +103,27 @@ def read_clock(sentences: Sequence[Sentence]) -> Series | None:
     """Lines, and the Unix seconds at them, or without a date those of the day.
 
     `None` where nothing tells them.
-
-    >>> read_clock([(0, "GPGGA", ["235959.5"]), (9, "GPGGA", ["000000.5"])])[1].tolist()
-    [86399.5, 86400.5]
     """
-    clock: list[tuple[int, float]] = []
-    dates: list[float] = []
-    for line, name, cells in sentences:
-        if name[-3:] not in ("GGA", "RMC", "ZDA") or not cells:
-            continue
-        match = _CLOCK.fullmatch(cells[0])
+    lines: list[int] = []
+    of_day: list[float] = []
+    dates: list[tuple[int, float]] = []
+    for line, name, cells, _ in sentences:
+        clocked = name[-3:] in ("GGA", "RMC", "ZDA") and cells
+        match = _CLOCK.fullmatch(cells[0]) if clocked else None
         if match is None:
             continue
         second = 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3])
-        clock.append((line, second))
+        lines.append(line)
+        of_day.append(second)
         midnight = _read_midnight(name[-3:], cells)
         if midnight is not None:
-            dates.append(midnight + second - _unwrap(clock)[-1])
-    if len(clock) < _FEWEST:
+            dates.append((len(lines) - 1, midnight + second))
+    if len(lines) < _FEWEST:
         return None
-    lines, seconds = np.array([line for line, _ in clock]), _unwrap(clock)
+    seconds = np.unwrap(of_day, period=DAY_S)
     first = np.append(True, np.diff(seconds) > 0)
-    start = float(np.median(dates)) if dates else 0.0
-    return lines[first].astype(np.float64), seconds[first] + start
+    start = float(np.median([unix - seconds[at] for at, unix in dates])) if dates else 0.0
+    return np.array(lines)[first].astype(np.float64), seconds[first] + start
 
 
 def carry(series: Mapping[str, Series], lines: Array) -> dict[str, Array]:
@@ -134,10 +139,6 @@ def carry(series: Mapping[str, Series], lines: Array) -> dict[str, Array]:
         found[apart > _REACH * np.median(np.diff(at))] = np.nan
         carried[header] = found
     return carried
-
-
-def _unwrap(clock: Sequence[tuple[int, float]]) -> Array:
-    return np.unwrap([second for _, second in clock], period=DAY_S)
 
 
 def _read_midnight(kind: str, cells: Sequence[str]) -> float | None:
@@ -174,138 +175,103 @@ def _read_one(name: str, cells: Sequence[str]) -> dict[str, float]:
 def _read_place(cells: Sequence[str]) -> dict[str, float]:
     """Degrees of ddmm.mmm, N or S, dddmm.mmm, E or W."""
     found = {}
-    for header, value, side in (
-        ("latitude_deg", cells[0], cells[1]), ("longitude_deg", cells[2], cells[3]),
-    ):  # fmt: skip
+    for header, value, side in zip(
+        ("latitude_deg", "longitude_deg"), cells[::2], cells[1::2], strict=True
+    ):
         number = to_number(value)
         degrees = np.floor(number / 100) + number % 100 / 60
         found[header] = -degrees if side in ("S", "W") else degrees
     return found
 
 
-ALONE = "MAG"
-"""What a sentence of three numbers without a name is taken for."""
-_CH_ROBOTICS = {"0": "PCHRSGYR", "1": "PCHRSACC", "2": "PCHRSMAG"}
-"""The sensors of $PCHRS,sensor,time,x,y,z, whose time comes behind the axes then."""
-_SENTENCE = re.compile(
-    r"(?P<before>[^$]*)[$!](?P<body>(?:[A-Z]{3,},|(?=-?[\d.]+,))[^*]*)(?:\*(?P<sum>\S{2}))?"
-)
-
-
 def compute_checksum(body: str) -> int:
-    """The exclusive or of what lies between $ and *.
-
-    >>> f"{compute_checksum('GPGLL,5300.97914,N,00259.98174,E,125926,A'):02X}"
-    '28'
-    """
-    total = 0
-    for byte in body.encode("latin-1", "replace"):
-        total ^= byte
-    return total
+    """The exclusive or of what lies between $ and *."""
+    return reduce(xor, body.encode("latin-1", "replace"), 0)
 
 
-def read_sentences(
-    data: bytes, path: Path, source: Input, notes: tuple[str, ...], unit: str | None = None
-) -> Log:
-    """The log that sentences are; `unit` is that of a field whose sentence does not fix it.
+def read_sentences(text: str, facts: Facts) -> Log:
+    """The log that sentences are; the unit is that of a field whose sentence does not fix it.
 
     Raises `LogError` where none of them holds a field.
     """
-    found, stamps, seen, wrong, first = _scan(data.decode("utf-8", "replace").split("\n"))
+    found, seen, wrong, first = _scan(text.split("\n"))
     try:
         name, lines, table = _read_field(found, seen, wrong)
     except LogError as error:
         raise LogError(f"{error}{first}") from None
-    when = dict(zip((number for number, _, _ in found), stamps, strict=True))
-    said = _add_beside(table, lines, [when[line] for line in lines.tolist()], found)
+    when = {one.line: one.stamp for one in found}
+    remarks = _add_beside(table, lines, [when[line] for line in lines.tolist()], found)
     damaged = (f"{wrong} sentences with a wrong checksum were left out{first}",) * (wrong > 0)
-    log = build_log(
-        table,
-        path=path,
-        source=source,
-        format="NMEA-like sentences",
-        unit=unit,
-        others=[f"${other}" for other in seen if other != name],
-        notes=(*notes, *damaged),
-        remarks=said,
-    )
+    facts |= {
+        "format": "NMEA-like sentences",
+        "others": [f"${other}" for other in seen if other != name],
+        "notes": (*facts.get("notes", ()), *damaged),
+        "remarks": remarks,
+    }
+    log = build_log(table, **facts)
     kind = find_group("sentences").get(name)
     how = kind.corrected.format(f"${name}") if kind else ""
     return replace(log, sensors=tuple(mark_corrected(one, how) for one in log.sensors))
 
 
-def _scan(
-    rows: Sequence[str],
-) -> tuple[list[Sentence], list[str], Counter[str], int, str]:
-    """The sentences with a right checksum, or none, what stands before each, how many there are
-    of each name, how many have a wrong one, and where the first of those is.
-    """
+def _scan(rows: Sequence[str]) -> tuple[list[Sentence], Counter[str], int, str]:
+    """The sentences with a right checksum, or none, how many there are of each name, how many have
+    a wrong one, and where the first of those is."""
     found: list[Sentence] = []
-    stamps: list[str] = []
     wrong, first = 0, ""
     seen: Counter[str] = Counter()
     for number, line in enumerate(rows):
         match = _SENTENCE.match(line)
         if match is None:
             continue
-        name, *cells = match["body"].split(",") if match["body"][0].isalpha() else _name(match)
+        body, stated = match["body"], match["sum"]
+        name, *cells = body.split(",")
+        if not body[0].isalpha():  # three numbers alone are of a magnetometer
+            name, cells = ALONE if len(cells) == 2 else "", [name, *cells]
         seen[name] += 1
-        stated = match["sum"]
-        if stated and stated.upper() not in (f"{compute_checksum(match['body']):02X}", "XX"):
-            first = first or (
-                f", the first in line {number + 1}: *{stated} is not "
-                f"*{compute_checksum(match['body']):02X}"
-            )
+        right = f"{compute_checksum(body):02X}" if stated else ""
+        if stated and stated.upper() not in (right, "XX"):
+            first = first or f", the first in line {number + 1}: *{stated} is not *{right}"
             wrong += 1
             continue
         if name == "PCHRS" and len(cells) > 4:  # of UM6 and UM7
             name, cells = _CH_ROBOTICS.get(cells[0], name), [*cells[2:5], cells[1]]
-        found.append((number, name, cells))
-        stamps.append(match["before"].strip(" ,;:\t->[]"))
-    return found, stamps, seen, wrong, first
-
-
-def _name(match: re.Match[str]) -> list[str]:
-    """The cells of a sentence without a name, which three numbers alone take for MAG."""
-    cells = match["body"].split(",")
-    return [ALONE if len(cells) == 3 else "", *cells]
+        found.append(Sentence(number, name, cells, match["before"].strip(" ,;:\t->[]")))
+    return found, seen, wrong, first
 
 
 def _read_field(
     found: Sequence[Sentence], seen: Counter[str], wrong: int
 ) -> tuple[str, Array, Table]:
     """The sentence that holds the field, the lines of its readings, and their columns."""
-    names = {name for _, name, _ in found}
+    names = {one.name for one in found}
     known = find_group("sentences")
     corrected = [name for name, kind in known.items() if kind.corrected]
     raw = [name for name in known if name not in corrected]
     others = [name for name in names if name.endswith("MAG") and name not in corrected]
-    for name in (*raw, *others, *corrected):
-        if name in names:
-            return name, *_read_sentence(found, name)
-    told = read_transducers(found)
-    axes = {axis: h for h in told if (axis := _find_axis(h))}
+    name = next((name for name in (*raw, *others, *corrected) if name in names), None)
+    if name is not None:
+        rows = [one for one in found if one.name == name]
+        headers = [f"mag_{axis}" for axis in "xyz"]
+        if name in known:
+            headers = [cell.header for cell in known[name].cells]
+        table: Table = {
+            header: np.array(
+                [to_number(c[k]) if k < len(c) else nan for c in (r.cells for r in rows)]
+            )
+            for k, header in enumerate(headers)
+        }
+        return name, np.array([one.line for one in rows], dtype=np.float64), table
+    transducers = read_transducers(found)
+    axes = {}
+    for header in transducers:
+        column = identify_column(header)
+        if column is not None and column.quantity.column == "field" and column.axis:
+            axes[column.axis] = header
     if len(axes) == 3:
-        lines = told[axes["x"]][0]
-        return "XDR", lines, {header: told[header][1] for header in axes.values()}
+        lines = transducers[axes["x"]][0]
+        return "XDR", lines, {header: transducers[header][1] for header in axes.values()}
     raise _explain(seen, wrong)
-
-
-def _find_axis(header: str) -> str:
-    column = identify_column(header)
-    return column.axis if column is not None and column.quantity.column == "field" else ""
-
-
-def _read_sentence(found: Sequence[Sentence], name: str) -> tuple[Array, Table]:
-    """The lines of a sentence, and its columns."""
-    rows = [(line, cells) for line, other, cells in found if other == name]
-    kind = find_group("sentences").get(name)
-    columns = [cell.header for cell in kind.cells] if kind else [f"mag_{axis}" for axis in "xyz"]
-    table: Table = {
-        column: np.array([to_number(cells[k]) if k < len(cells) else np.nan for _, cells in rows])
-        for k, column in enumerate(columns)
-    }
-    return np.array([line for line, _ in rows], dtype=np.float64), table
 
 
 def _add_beside(
@@ -332,12 +298,8 @@ def _explain(seen: Counter[str], wrong: int) -> LogError:
     there = ", ".join(f"${name} ({count})" for name, count in seen.most_common(6))
     if wrong == sum(seen.values()):
         return LogError(f"sentences {there}, all with a wrong checksum: damaged; record again")
-    headings = [name for name in seen if name[-3:] in ("HDG", "HDM", "HDT", "THS", "VHW")]
-    compass = (
-        "; headings of a compass alone are corrected by a swing: agonic plan swing"
-        if headings
-        else ""
-    )
+    heads = any(name[-3:] in ("HDG", "HDM", "HDT", "THS", "VHW") for name in seen)
+    compass = "; headings of a compass alone are corrected by a swing: agonic plan swing" * heads
     return LogError(
         f"sentences {there} hold no magnetometer; have the device send its raw field "
         f"(VectorNav: $VNIMU), $MAG,x,y,z, or $…XDR with MAGX, MAGY and MAGZ{compass}"
