@@ -31,9 +31,10 @@ from agonic.logs.large.dataset import (
     database_error_type,
     drop_damaged,
     find_dataset,
+    read_tables,
 )
 from agonic.logs.large.grouped_moments import Grouped, GroupedResiduals, sum_moments, sum_residuals
-from agonic.logs.large.sensor_rows import Table, read_tables
+from agonic.logs.log import Table
 from agonic.maths.equation.priors import soft_iron_pull
 from agonic.population import Population, Row
 from agonic.provenance import Input

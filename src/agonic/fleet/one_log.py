@@ -21,8 +21,7 @@ from agonic.fleet.rows import make_refused_row, make_row
 from agonic.fleet.settings import FleetSettings, digest
 from agonic.logs.large.dataset import Channel, Dataset
 from agonic.logs.large.mission import is_long, open_mission
-from agonic.logs.large.sensor_rows import Table
-from agonic.logs.log import Log
+from agonic.logs.log import Log, Table
 from agonic.logs.read import open_log
 from agonic.logs.remote import locate, name_locally
 from agonic.logs.table import build_log

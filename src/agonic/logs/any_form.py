@@ -52,20 +52,15 @@ def as_samples(given: Given, unit: str | None = None) -> Samples:
     table: Any = given
     if hasattr(table, "data_vars"):
         table = table.to_dataframe().reset_index()
-    if (names := _find_names(table)) is not None:
-        return _read_table(table, names, unit)
-    return _read_array(table, unit)
-
-
-def _find_names(table: Any) -> Iterable[Any] | None:
-    """The names of the columns of a table, which is indexed by them; None where it is no table."""
     if isinstance(table, Mapping):
-        return table.keys()
-    if isinstance(table, np.ndarray):
-        of_record: tuple[str, ...] | None = table.dtype.names
-        return of_record
-    names: Any = getattr(table, "column_names", getattr(table, "columns", None))
-    return names if isinstance(names, Iterable) else None
+        names: Any = table.keys()
+    elif isinstance(table, np.ndarray):
+        names = table.dtype.names  # of a record array
+    else:
+        names = getattr(table, "column_names", getattr(table, "columns", None))
+    return (
+        _read_table(table, names, unit) if isinstance(names, Iterable) else _read_array(table, unit)
+    )
 
 
 def _read_table(table: Any, names: Iterable[Any], unit: str | None) -> Samples:

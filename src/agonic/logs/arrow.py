@@ -11,7 +11,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.logs.contents import explain_damage
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
 from agonic.logs.text.long_table import build_tables_log
 from agonic.provenance import Input
 
@@ -31,14 +31,9 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     names = list(columns)
     wanted = find_columns(rename_headers(names))
     table = {name: columns[names[i]].to_numpy() for i, name in wanted.items()}
-    return build_tables_log(
-        table,
-        path=path,
-        source=source,
-        format="Arrow table",
-        unit=unit,
-        others=[name for i, name in enumerate(names) if i not in wanted],
-    )
+    others = [name for i, name in enumerate(names) if i not in wanted]
+    facts = Facts(path=path, source=source, format="Arrow table", unit=unit, others=others)
+    return build_tables_log(table, **facts)
 
 
 def _read_columns(path: Path) -> dict[str, Any]:

@@ -45,11 +45,7 @@ class Child:
         self._closed = False
 
     def ask(self, function: Callable[[Any], Any], given: object, longest_s: float) -> Any:
-        """What a function of a module makes of what is given.
-
-        Raises `TimeoutError` where that takes longer, `ChildProcessError` where it ends the
-        process, and what the function raises.
-        """
+        """What a function of a module makes of what is given."""
         request = pickle.dumps((function, given), protocol=5)
         process = self._start()
         assert process.stdin is not None
@@ -128,11 +124,9 @@ _in_child = False
 
 
 def call(function: Callable[[Any], Any], given: object) -> Any:
-    """What a function of a module makes of what is given, in a child process.
-
-    In a child process, and where none can be started, it is done in this one. Raises `LogError`
-    where that takes longer than `LONGEST_S` or ends the child, and what the function raises.
-    """
+    """What a function of a module makes of what is given, in a child process. In a child process,
+    and where none can be started, it is done in this one. Raises `LogError` where that takes longer
+    than `LONGEST_S` or ends the child, and what the function raises."""
     if _in_child or not sys.executable or getattr(sys, "frozen", False):
         return function(given)
     with _lock:
@@ -155,7 +149,11 @@ def serve(most_memory: int) -> None:
     global _in_child
     _in_child = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _limit_memory(most_memory)
+    with suppress(ImportError, ValueError, OSError):  # where the system can hold it to that
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (most_memory, hard))
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     with suppress(EOFError):
@@ -175,12 +173,3 @@ def _answer(request: bytes) -> bytes:
         failed = RuntimeError(f"{type(error).__name__}: {error}")
         failed.add_note(traceback.format_exc())
         return pickle.dumps((True, failed))
-
-
-def _limit_memory(most: int) -> None:
-    """Hold this process to so many bytes, where the system can."""
-    with suppress(ImportError, ValueError, OSError):
-        import resource
-
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))

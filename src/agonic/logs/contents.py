@@ -10,6 +10,7 @@ from pathlib import Path
 
 from agonic.atomic import mark_input
 from agonic.errors import AgonicError, LogError
+from agonic.logs.formats import read_not_logs
 
 _SECTION = re.compile(rb"^\[{1,2}([\w.]+)\]{1,2}\s*(?:#.*)?$", re.MULTILINE)
 _SETTING = re.compile(rb"^[\w.-]+ *= *(?:[\"'\[{\d+-]|true|false)", re.MULTILINE)
@@ -20,38 +21,6 @@ _CALIBRATION = (
     "a calibration, no log: agonic report CAL shows it, agonic apply CAL LOG -o OUT corrects a log "
     "with it; name the log that it is for"
 )
-_SETTINGS = {
-    b"compass": "a set-up of compasses, no log: agonic heading SETUP LOG -o OUT uses it",
-    b"station": "the description of a chamber campaign, no log: agonic fit thermal FOLDER reads it",
-    b"columns": "a list of columns, no log: name the log that it lies beside",
-}
-_TABLES = (
-    (
-        {"rows.work", "contents.sha256"},
-        "the journal of a fleet, no log: agonic fleet goes on with it",
-    ),
-    (
-        {"bias_x", "sha256", "residual_rms"},
-        "the table of a fleet, no log: agonic history SENSOR shows a sensor of it, agonic fleet "
-        "writes its report",
-    ),
-    (
-        {"fault", "group", "original", "bias_x"},
-        "the truth about a simulated fleet, no log: agonic fleet takes the logs beside it",
-    ),
-    ({"compass_deg", "magnetic_deg"}, "a compass swing, no log: agonic fit deviation FILE"),
-    ({"compass_deg", "true_deg"}, "a compass swing, no log: agonic fit deviation FILE"),
-    ({"compass_deg", "deviation_deg"}, "a compass swing, no log: agonic fit deviation FILE"),
-)
-FOLDERS = {
-    "campaign.toml": "a chamber campaign: agonic fit thermal FOLDER -o OUT",
-    "session.toml": "a session with a star sensor: agonic fit alignment FOLDER -o OUT",
-    "coil.toml": "recordings in a coil: agonic fit coil FOLDER -o OUT",
-    "north.toml": "a search for true north: agonic fit north FOLDER -o OUT",
-    "fleet.parquet": "what agonic fleet has written; name the logs it was made from",
-    "setup.toml": "what agonic calibrate has written; name the log it was made from",
-}
-"""What a folder with a file of this name is, and the command that takes it."""
 
 
 def name_own(head: bytes) -> str:
@@ -67,14 +36,15 @@ def name_own(head: bytes) -> str:
     sections = _SECTION.findall(head)
     if not sections or not _SETTING.search(head):
         return ""
-    known = next((_SETTINGS[name] for name in sections if name in _SETTINGS), "")
+    settings = read_not_logs()["settings"]
+    known = next((settings[n] for name in sections if (n := name.decode()) in settings), "")
     return known or "a file of settings (TOML), no log; name the log"
 
 
 def name_own_table(headers: Iterable[str]) -> str:
     """What a table without a magnetometer is, by its headers, if agonic wrote it."""
-    there = set(headers)
-    return next((what for marks, what in _TABLES if marks <= there), "")
+    there, tables = set(headers), read_not_logs()["tables"]
+    return next((what for marks, what in tables.items() if {*marks.split()} <= there), "")
 
 
 @contextmanager
@@ -97,10 +67,8 @@ _SMALL = 1_000_000
 
 
 def check_declared(declared: int, stored: int, what: str = "it") -> None:
-    """Raise `LogError` where values would take more memory than is given to a file.
-
-    Parameters: `declared`, bytes of the values; `stored`, bytes they have in the file.
-    """
+    """Raise `LogError` where values would take more memory than is given to a file. Parameters:
+    `declared`, bytes of the values; `stored`, bytes they have in the file."""
     if declared > MOST_BYTES:
         raise LogError(
             f"{what} declares {declared / 1e9:.3g} GB of values and stores {stored} bytes of them: "

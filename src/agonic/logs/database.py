@@ -35,10 +35,7 @@ _LONGEST_S = 60.0
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a database is; `unit` is that of the field where no column names one.
-
-    Raises `LogError` where no table holds a magnetometer.
-    """
+    """The log that a database is; `unit` is that of the field where no column names one."""
     try:
         with _open(path) as database:
             tables, others = _read_tables(database)
@@ -87,21 +84,18 @@ def _read_tables(database: sqlite3.Connection) -> tuple[dict[str, Table], list[s
         others += [f"{name}.{header}" for i, header in enumerate(headers) if i not in wanted]
         if not wanted:
             continue
-        chosen = ", ".join(_select(_quote(headers[i])) for i in wanted)
+        # without what is no reading: blobs and long texts, one of which may fill memory
+        chosen = ", ".join(
+            f"CASE WHEN typeof({column}) IN ('integer', 'real') OR (typeof({column}) = 'text' AND "
+            f"length({column}) <= {_LONGEST_TEXT}) THEN {column} END"
+            for column in (_quote(headers[i]) for i in wanted)
+        )
         rows = database.execute(f"SELECT {chosen} FROM {_quote(name)}")
         table = _read_rows(rows, list(wanted.values()), room // len(wanted))
         if table:
             tables[name] = table
             room -= sum(len(column) for column in table.values())
     return tables, others
-
-
-def _select(column: str) -> str:
-    """A column without what is no reading: blobs and long texts, one of which may fill memory."""
-    return (
-        f"CASE WHEN typeof({column}) IN ('integer', 'real') OR (typeof({column}) = 'text' AND "
-        f"length({column}) <= {_LONGEST_TEXT}) THEN {column} END"
-    )
 
 
 def _quote(name: str) -> str:

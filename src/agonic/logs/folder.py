@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 from zipfile import BadZipFile, ZipFile
 
 from agonic.errors import LogError
-from agonic.logs.contents import FOLDERS, check_declared
-from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, format_of
+from agonic.logs.contents import check_declared
+from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, format_of, read_not_logs
 from agonic.logs.groups import INERTIAL, build_groups_log, name_axes
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.log import Log, Table
@@ -27,12 +27,9 @@ _OFFICE = "[Content_Types].xml"
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a folder or an archive is; `unit` is that of the field where none is named.
-
-    Raises `LogError` where its files are not the sensors of one recording.
-    """
+    """The log that a folder or an archive is; `unit` is that of the field where none is named."""
     if path.is_dir():
-        for name, what in FOLDERS.items():
+        for name, what in read_not_logs()["folders"].items():
             if (path / name).is_file():
                 raise LogError(f"this is the folder of {what}")
         return _read_folder(path, path, source, unit)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import codecs
 import re
+import tomllib
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -46,12 +47,10 @@ def find_packing(file: Path) -> str:
 
 
 class Format(NamedTuple):
-    """A kind of file: what it is called, the module that reads it, and how its start is known.
-
-    The module has `read(path, source, unit) -> Log`, or `read(path, source)` where the format
-    fixes the unit of the field (`unit_fixed`). Where `mark` only says that the start may be of
-    this kind, the module has `accepts(head)` too.
-    """
+    """A kind of file: what it is called, the module that reads it, and how its start is known. The
+    module has `read(path, source, unit) -> Log`, or `read(path, source)` where the format fixes the
+    unit of the field (`unit_fixed`). Where `mark` only says that the start may be of this kind, the
+    module has `accepts(head)` too."""
 
     name: str
     module: str
@@ -84,18 +83,19 @@ def is_dataflash(head: bytes) -> bool:
     return bool(_FMT.search(head) or (b"FMT," in head and FMT_TEXT.search(head)))
 
 
+def _is_first(head: bytes, *starts: bytes, end: bytes = b"") -> bool:
+    """Whether the name of the first member of a ZIP archive begins, and ends, so."""
+    name = head[30 : 30 + int.from_bytes(head[26:28], "little")]
+    return head.startswith(b"PK\x03\x04") and name.startswith(starts) and name.endswith(end)
+
+
 def _is_numpy(head: bytes) -> bool:
-    """Whether it is a NumPy array, or the first member of a ZIP archive is one."""
-    if head.startswith(b"\x93NUMPY"):
-        return True
-    length = int.from_bytes(head[26:28], "little")
-    return head.startswith(b"PK\x03\x04") and head[30 : 30 + length].endswith(b".npy")
+    return head.startswith(b"\x93NUMPY") or _is_first(head, b"", end=b".npy")
 
 
 def _is_vires(head: bytes) -> bool:
     """Whether the first lines are a header with a time stamp and a row with a vector."""
-    header, _, rest = head.partition(b"\n")
-    row, _, _ = rest.partition(b"\n")
+    header, row, *_ = (head + b"\n\n").split(b"\n", 2)
     return b"Timestamp" in header.split(b",") and b"{" in row and b";" in row
 
 
@@ -107,8 +107,7 @@ def is_wide(data: bytes) -> bool:
 
 def decode_marked(data: bytes) -> bytes:
     """A text whose first bytes say that it is UTF-8 or UTF-16, as UTF-8 without them; any other as
-    it is.
-    """
+    it is."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace").encode()
     return data.removeprefix(codecs.BOM_UTF8)
@@ -133,11 +132,8 @@ def _is_bag(head: bytes) -> bool:
 
 def _is_workbook(head: bytes) -> bool:
     """Whether the first member of a ZIP archive is one of a document of an office."""
-    length = int.from_bytes(head[26:28], "little")
-    first, content = head[30 : 30 + length], head[30 + length : 130 + length]
-    begins = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/")
-    opendocument = first == b"mimetype" and b"opendocument" in content
-    return head.startswith(b"PK\x03\x04") and (first.startswith(begins) or opendocument)
+    opendocument = _is_first(head, b"mimetype", end=b"mimetype") and b"opendocument" in head[38:138]
+    return opendocument or _is_first(head, b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/")
 
 
 _JSON_BEGINS = re.compile(rb"\s*(\[\s*(\[\s*(-?\d+(\.\d+)?([eE][-+]?\d+)?\s*[],]|\")|\{)|\{)")
@@ -192,31 +188,11 @@ READ = (
     "ArduPilot, PX4 and MAVLink, ROS bags, CDF, netCDF and IAGA-2002"
 )
 
-SIGNATURES: tuple[tuple[int, bytes, str], ...] = (
-    (0, b"PK", "a ZIP archive (unpack it first)"),
-    (0, b"7z\xbc\xaf", "a 7-Zip archive (unpack it first)"),
-    (257, b"ustar", "a tar archive (unpack it first)"),
-    (0, b"\x89PNG", "a PNG picture"),
-    (0, b"\xff\xd8\xff", "a JPEG picture"),
-    (0, b"%PDF", "a PDF document"),
-    (0, b"\x7fELF", "a program"),
-    (0, b"FEA1", "an old Feather file, version 1 (write it again)"),
-    (8, b".FIT", "a Garmin FIT file (turn it into CSV with the FIT SDK's FitCSVTool)"),
-    (0, b"\xb5\x62", "a u-blox UBX stream, whose receivers have no magnetometer"),
-    (0, b"\xd0\xcf\x11\xe0", "an old workbook of Excel (save the sheet as CSV)"),
-    (0, b"Rar!", "a RAR archive (unpack it first)"),
-    (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself"),
-    (0, b"GIF8", "a GIF picture"),
-    (0, b"H Product:Blackbox", "a Blackbox log (decode it with blackbox_decode, which writes CSV)"),
-    (0, b"\x80\x04\x95", "a pickle of Python, which runs code (write CSV, Parquet or .npz)"),
-    (0, b"\x80\x05\x95", "a pickle of Python, which runs code (write CSV, Parquet or .npz)"),
-    (0, b"\x80\x03", "a pickle of Python, which runs code (write CSV, Parquet or .npz)"),
-    (8, b"WEBP", "a WebP picture"),
-    (4, b"ftyp", "a video or a picture of a phone"),
-    (0, b"{\\rtf", "a document of a word processor (save the table as CSV)"),
-    (0, b"<", "a web page or XML"),
-)
-"""Where the mark of a kind of file that is not read stands, the mark, and what such a file is."""
+
+@cache
+def read_not_logs() -> dict[str, Any]:
+    """What files are that are no logs, `not_logs.toml`."""
+    return tomllib.loads(Path(__file__).with_name("not_logs.toml").read_text("utf-8"))
 
 
 def find_format(name: str) -> Format:
@@ -227,10 +203,7 @@ def find_format(name: str) -> Format:
 
 @cache
 def load_installed(group: str) -> dict[str, Any]:
-    """What installed packages add to agonic, by name: their entry points of a group.
-
-    Raises `AgonicError` where one of them cannot be imported.
-    """
+    """What installed packages add to agonic, by name: their entry points of a group."""
     from importlib.metadata import entry_points
 
     loaded = {}
@@ -245,15 +218,11 @@ def load_installed(group: str) -> dict[str, Any]:
     return loaded
 
 
-def _may_be_own(head: bytes) -> bool:
-    """Whether it begins with a brace or a tag, or a line with a bracket: all of agonic's own do."""
-    begins = head.removeprefix(codecs.BOM_UTF8).lstrip()
-    return begins.startswith((b"{", b"<")) or head.startswith(b"[") or b"\n[" in head
-
-
 def format_of(head: bytes) -> Format:
     """The kind of a file that starts with these bytes, or a `LogError` that says what it is."""
-    if _may_be_own(head):
+    begins = head.removeprefix(codecs.BOM_UTF8).lstrip()
+    # all of agonic's own begin with a brace or a tag, or have a line with a bracket
+    if begins.startswith((b"{", b"<")) or head.startswith(b"[") or b"\n[" in head:
         from agonic.logs.contents import name_own
 
         if own := name_own(head):
@@ -262,8 +231,8 @@ def format_of(head: bytes) -> Format:
     for kind in known:
         if kind.accepts(head):
             return kind
-    for offset, mark, what in SIGNATURES:
-        if head[offset:].startswith(mark):
+    for offset, mark, what in read_not_logs()["signatures"]:
+        if head[offset:].startswith(mark.encode("latin-1")):
             raise LogError(f"this is {what}, no log; {READ}")
     if not TEXT.accepts(head):
         raise LogError(f"this is binary data of a kind that is not known; {READ}")
@@ -279,8 +248,5 @@ def name_content(data: bytes) -> str:
     except LogError as error:
         what = str(error).partition(";")[0]
         return what.removeprefix("this is ").partition(", no log")[0]
-    if kind == JSON:
-        return "JSON of something else"
-    return (
-        "a text, as tables of readings are" if kind == TEXT else f"a file of the kind {kind.name}"
-    )
+    said = {JSON: "JSON of something else", TEXT: "a text, as tables of readings are"}
+    return said.get(kind, f"a file of the kind {kind.name}")

@@ -54,9 +54,7 @@ class Beside:
 
 def name_axes(table: Table, name: str, *, alone: bool) -> dict[str, Any]:
     """The columns of a file, a sheet or a table: bare axes under the sensor that it is named for.
-
-    Where it is not `alone` and named for no magnetometer, bare axes are of something else.
-    """
+    Where it is not `alone` and named for no magnetometer, bare axes are of something else."""
     quantity = find_named_quantity(name)
     named = {}
     for header, values in table.items():
@@ -74,12 +72,8 @@ def build_groups_log(
     paths: Mapping[str, Path] | None = None,
     **facts: Unpack[Facts],
 ) -> Log:
-    """The log that tables are, by the name of each, or a number where they have none.
-
-    `paths` are files of the tables, where they have their own. The rest as for `build_log`.
-
-    Raises `LogError` where none of them holds a magnetometer.
-    """
+    """The log that tables are, by the name of each, or a number where they have none. `paths` are
+    files of the tables, where they have their own. The rest as for `build_log`."""
     others = tuple(facts.get("others", ()))
     logs, beside, failures = [], [], []
     for key, table in groups.items():
@@ -111,14 +105,8 @@ def build_groups_log(
             sensors.append(_complete(samples, group, beside).with_columns(name=numbered))
     streams = [stream for _, log in logs for stream in log.streams]
     streams += [Stream.at(one.name, one.rows, one.time) for one in beside if one.name]
-    return Log(
-        path=facts["path"],
-        format=facts["format"],
-        source=facts["source"],
-        sensors=tuple(sensors),
-        streams=(*streams, *(Stream(name=name, rows=0) for name in others)),
-        notes=(*facts.get("notes", ()), *(n for _, log in logs for n in log.notes), *failures),
-    )
+    streams += [Stream(name=name, rows=0) for name in others]
+    return Log.of(facts, sensors, streams, (*(n for _, log in logs for n in log.notes), *failures))
 
 
 def read_beside(name: str, table: Table, path: Path) -> Beside:

@@ -93,6 +93,26 @@ class Log(Readable):
     streams: tuple[Stream, ...] = field(default_factory=tuple)
     notes: tuple[str, ...] = ()
 
+    @classmethod
+    def of(
+        cls,
+        facts: Facts,
+        sensors: Iterable[Samples],
+        streams: Iterable[Stream] = (),
+        notes: Iterable[str] = (),
+        stack: str = "",
+    ) -> Log:
+        """The log of a file with these facts; `notes` come after those that are facts."""
+        return cls(
+            path=facts["path"],
+            format=facts["format"],
+            source=facts["source"],
+            sensors=tuple(sensors),
+            stack=stack,
+            streams=tuple(streams),
+            notes=(*facts.get("notes", ()), *notes),
+        )
+
     def sensor(self, which: str | int) -> Samples:
         """The sensor of that name, or at that position from 0; `LogError` names those there are."""
         names = [samples.name for samples in self.sensors]

@@ -15,7 +15,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.logs.contents import explain_damage
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
-from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.header import name_quantity
 from agonic.logs.log import About, Log
 from agonic.logs.remote import Remote
 from agonic.logs.text.long_table import build_tables_log
@@ -74,17 +74,15 @@ def count_rows(path: Path | Remote) -> int:
 def read_batches(
     path: Path | Remote, size: int, without: tuple[str, ...] = ()
 ) -> Iterator[dict[str, Any]]:
-    """The columns that are understood, `size` rows at a time.
-
-    `without` are columns of `Samples` to leave out. Pages are decoded as they are needed, so that
-    a row group as large as the file does no harm.
-    """
+    """The columns that are understood, `size` rows at a time. `without` are columns of `Samples` to
+    leave out. Pages are decoded as they are needed, so that a row group as large as the file does
+    no harm."""
     with _open_parquet(path) as file:
         schema = file.schema
         wanted = [
             name
             for name in find_columns([schema.column(i).path for i in range(len(schema))]).values()
-            if (column := identify_column(name)) is None or column.quantity.column not in without
+            if name_quantity(name) not in without
         ]
         for batch in file.iter_batches(batch_size=size, columns=wanted, use_threads=False):
             yield _arrays(batch)
@@ -93,10 +91,8 @@ def read_batches(
 def read_ahead(
     path: Path | Remote, size: int, headers: list[str]
 ) -> Iterator[dict[str, NDArray[Any]]]:
-    """Some columns, `size` rows at a time, decoded ahead of whoever works on them.
-
-    A thread decodes the next few while the last are at work; nulls become NaN.
-    """
+    """Some columns, `size` rows at a time, decoded ahead of whoever works on them. A thread decodes
+    the next few while the last are at work; nulls become NaN."""
     queue: Queue[dict[str, NDArray[Any]] | BaseException | None] = Queue(maxsize=_AHEAD)
     stopped = Event()
 
@@ -133,16 +129,12 @@ def read_ahead(
 
 def _arrays(batch: Any) -> dict[str, NDArray[Any]]:
     """The columns of a record batch; nulls become NaN."""
-    return {
-        name: _array(column) for name, column in zip(batch.schema.names, batch.columns, strict=True)
-    }
-
-
-def _array(column: Any) -> NDArray[Any]:
-    """A column as an array; plain numbers are not copied, and spare the import of pandas."""
-    if column.null_count == 0 and str(column.type) in _PLAIN:
-        return np.asarray(np.from_dlpack(column))
-    return np.asarray(column.to_numpy(zero_copy_only=False))
+    arrays = {}
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        plain = column.null_count == 0 and str(column.type) in _PLAIN  # spares copies, and pandas
+        values = np.from_dlpack(column) if plain else column.to_numpy(zero_copy_only=False)
+        arrays[name] = np.asarray(values)
+    return arrays
 
 
 def _open_parquet(path: Path | Remote) -> Any:

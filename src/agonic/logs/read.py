@@ -7,9 +7,9 @@ import lzma
 import warnings
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -17,19 +17,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from agonic.errors import AgonicError, LogError, MissingExtraError
+from agonic.logs import formats
 from agonic.logs.child_process import MOST_MEMORY, call
-from agonic.logs.formats import (
-    ARROW,
-    FOLDER,
-    HEAD_BYTES,
-    JSON,
-    ROS,
-    TEXT,
-    WORKBOOK,
-    Format,
-    find_packing,
-    format_of,
-)
 from agonic.logs.headers.column_names import ColumnNames, names_for
 from agonic.logs.log import Log
 from agonic.logs.remote import Remote, fetch, locate
@@ -45,11 +34,11 @@ _DAMAGE = (EOFError, OSError, zlib.error, lzma.LZMAError)
 
 @contextmanager
 def unpack(file: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    """A plain copy of a compressed file for as long as it is needed, and notes.
-
-    Raises `LogError` where nothing can be unpacked, or more than 8 GB would be.
-    """
-    packing = find_packing(file)
+    """The file itself, of a compressed one a plain copy for as long as it is needed; and notes."""
+    packing = formats.find_packing(file)
+    if not packing:
+        yield file, ()
+        return
     name = file.stem if file.suffix.lower() in _ENDINGS else file.name
     with TemporaryDirectory(prefix="agonic-") as folder:
         plain = Path(folder, name or "log")
@@ -58,7 +47,7 @@ def unpack(file: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
 
 def read_head(file: Path, size: int) -> bytes:
     """The first bytes of a file, of a compressed one those that are packed in it."""
-    packing = find_packing(file)
+    packing = formats.find_packing(file)
     head = b""
     with _open(file, packing) if packing else file.open("rb") as stream, suppress(*_DAMAGE):
         while len(head) < size and (piece := _take(stream, size)):
@@ -141,11 +130,17 @@ def open_log(
     if file == Path():  # what is read is named
         file = Path.cwd()
     if isinstance(file, Remote):
-        return _open_remote(file, unit=unit, columns=columns)
+        with fetch(file) as copy:
+            try:
+                log = open_log(copy, unit=unit, columns=columns)
+            except LogError as error:
+                said = str(error).removeprefix(f"{copy}").lstrip(":, ")
+                raise type(error)(said, path=file.url) from error
+        return replace(log, path=Path(file.name))
     if unit is not None:
         find_unit(unit)
     try:
-        with _unpack(file) as (plain, notes), names_for(file, columns) as names:
+        with unpack(file) as (plain, notes), names_for(file, columns) as names:
             log = _open_plain(plain, file, unit or (names.unit if names else None), names)
         return replace(log, path=file, notes=(*notes, *log.notes))
     except LogError as error:
@@ -156,33 +151,18 @@ def open_log(
         raise LogError(f"cannot be read: {error.strerror or error}", path=file) from error
 
 
-def _unpack(file: Path) -> AbstractContextManager[tuple[Path, tuple[str, ...]]]:
-    """The file itself, or a plain copy of what is packed in it; and notes."""
-    if not find_packing(file):
-        return nullcontext((file, ()))
-    return unpack(file)
-
-
 def _open_plain(plain: Path, file: Path, unit: str | None, names: ColumnNames | None) -> Log:
     """The log of a file that lies unpacked at `plain`, with the name and the hash of itself."""
-    kind = _identify(plain)
+    if (plain / METADATA).is_file():
+        kind = formats.ROS
+    else:
+        kind = formats.FOLDER if plain.is_dir() else formats.format_of(_head(plain))
     source = Input(name=file.name, sha256="", count=0)
     if file.is_file() and file.stat().st_size < _LONG:
         return _sign(_read(kind, plain, source, unit, names), _hash(file))
     with ThreadPoolExecutor(1) as beside:
         hashed = beside.submit(_hash, file)  # a tenth of the time, on another core
         return _sign(_read(kind, plain, source, unit, names), hashed.result())
-
-
-def _open_remote(file: Remote, *, unit: str | None, columns: str | Mapping[str, str] | None) -> Log:
-    """The log of a file in object storage, of which a copy is made for as long as it is read."""
-    with fetch(file) as copy:
-        try:
-            log = open_log(copy, unit=unit, columns=columns)
-        except LogError as error:
-            said = str(error).removeprefix(f"{copy}").lstrip(":, ")
-            raise type(error)(said, path=file.url) from error
-    return replace(log, path=Path(file.name))
 
 
 def sensors(path: Path | str) -> tuple[str, ...]:
@@ -229,13 +209,6 @@ def read(
     return log.sensor(0 if sensor is None else sensor)
 
 
-def _identify(file: Path) -> Format:
-    """The kind of a recording; a folder may be a ROS 2 bag, or hold a file for each sensor."""
-    if (file / METADATA).is_file():
-        return ROS
-    return FOLDER if file.is_dir() else format_of(_head(file))
-
-
 def _hash(file: Path) -> str:
     """The SHA-256 of a recording; of a folder, that of those of its files."""
     if file.is_file():
@@ -245,28 +218,18 @@ def _hash(file: Path) -> str:
 
 
 def _sign(log: Log, sha256: str) -> Log:
-    """The log with the hash of its file wherever that is named."""
-    sensors = tuple(
-        samples.with_source(replace(samples.source or log.source, sha256=sha256))
-        for samples in _tell_apart(log.sensors)
-    )
-    return replace(log, source=replace(log.source, sha256=sha256), sensors=sensors)
-
-
-def _tell_apart(sensors: Iterable[Samples]) -> Iterator[Samples]:
-    """The sensors, numbered where names differ in case alone: a file of each must have its own.
-
-    File systems of Windows and macOS take "MAG.json" and "mag.json" for one file.
-    """
+    """The log with the hash of its file wherever that is named, its sensors numbered where names
+    differ in case alone: a file of each must have its own. File systems of Windows and macOS take
+    "MAG.json" and "mag.json" for one file."""
     times: Counter[str] = Counter()
-    for samples in sensors:
-        times[samples.name.lower()] += 1
-        if (number := times[samples.name.lower()]) == 1:
-            yield samples
-        else:
-            note = f"named {samples.name!r} in the file, as another is but for capital letters"
-            name = f"{samples.name} #{number}"
-            yield samples.with_columns(name=name, notes=(*samples.notes, note))
+    sensors = []
+    for one in log.sensors:
+        times[one.name.lower()] += 1
+        if (number := times[one.name.lower()]) > 1:
+            note = f"named {one.name!r} in the file, as another is but for capital letters"
+            one = one.with_columns(name=f"{one.name} #{number}", notes=(*one.notes, note))
+        sensors.append(one.with_source(replace(one.source or log.source, sha256=sha256)))
+    return replace(log, source=replace(log.source, sha256=sha256), sensors=tuple(sensors))
 
 
 def _head(file: Path) -> bytes:
@@ -276,20 +239,23 @@ def _head(file: Path) -> bytes:
     if not file.is_file():
         raise LogError("this is a device or a pipe, not a file")
     with file.open("rb") as stream:
-        head = stream.read(HEAD_BYTES)
+        head = stream.read(formats.HEAD_BYTES)
     if not head:
         raise LogError("the file is empty")
     return head
 
 
 def _read(
-    kind: Format, file: Path, source: Input, unit: str | None, names: ColumnNames | None
+    kind: formats.Format, file: Path, source: Input, unit: str | None, names: ColumnNames | None
 ) -> Log:
     """The log that the reader makes of the file; whatever a parser raises becomes a `LogError`."""
     given = () if kind.unit_fixed else (unit,)
     request = kind, file, source, given, names
+    long = kind in (formats.TEXT, formats.JSON) and file.stat().st_size > LONG_TEXT
+    # what is packed in some may be of any length: it may take far more memory than is at hand
+    huge = long or (kind in (formats.FOLDER, formats.ARROW, formats.WORKBOOK) and file.is_file())
     try:
-        log = call(_read_here, request) if _may_be_huge(kind, file) else _read_here(request)
+        log = call(_read_here, request) if huge else _read_here(request)
     except AgonicError:
         raise
     except MemoryError as error:
@@ -307,14 +273,7 @@ def _read(
     return replace(log, notes=(*log.notes, note))
 
 
-def _may_be_huge(kind: Format, file: Path) -> bool:
-    """Whether reading it may take far more memory than it is long, or more than is at hand."""
-    if kind in (FOLDER, ARROW, WORKBOOK):  # what is packed in them may be of any length
-        return file.is_file()
-    return kind in (TEXT, JSON) and file.stat().st_size > LONG_TEXT
-
-
-def _read_here(request: tuple[Format, Path, Input, tuple[str | None, ...], Any]) -> Log:
+def _read_here(request: tuple[formats.Format, Path, Input, tuple[str | None, ...], Any]) -> Log:
     kind, file, source, given, names = request
     with warnings.catch_warnings(), names_for(file, names):
         warnings.simplefilter("ignore")  # what is odd in a file goes into the notes
@@ -325,10 +284,8 @@ def _read_here(request: tuple[Format, Path, Input, tuple[str | None, ...], Any])
 def accepts(path: Path | str) -> bool:
     """Whether a file, or what is packed in it, begins like what `open_log` reads; any text does."""
     try:
-        head = _head(Path(path))
-        if find_packing(Path(path)):
-            head = read_head(Path(path), HEAD_BYTES)
-        format_of(head)
+        _head(Path(path))
+        formats.format_of(read_head(Path(path), formats.HEAD_BYTES))
     except (AgonicError, OSError):
         return False
     return True

@@ -48,8 +48,13 @@ class Remote:
 
     def measure(self) -> tuple[int, int]:
         """Bytes, and when it was written, ns."""
-        found = _describe(self)
+        found = self._describe()
         return int(found.size or 0), int(found.mtime_ns or 0)
+
+    def _describe(self) -> Any:
+        system, path = _find_system(self.url)
+        with _explain_errors(self.url):
+            return system.get_file_info(path)
 
     def open(self, mode: str = "rb") -> Any:
         """A file to be read in any order, and in no other mode."""
@@ -61,7 +66,7 @@ class Remote:
         """Whether it is there."""
         from pyarrow.fs import FileType
 
-        return bool(_describe(self).type == FileType.File)
+        return bool(self._describe().type == FileType.File)
 
     def hash(self) -> str:
         """The SHA-256 of its content, for which all of it is read once."""
@@ -111,10 +116,7 @@ def fetch(name: Path | Remote | str) -> Iterator[Path]:
 
 
 def list_remote(url: str) -> list[Remote]:
-    """The files below a folder in object storage, or the one file that it names.
-
-    Raises `LogError` where there is neither.
-    """
+    """The files below a folder in object storage, or the one file that it names."""
     from pyarrow.fs import FileSelector, FileType
 
     if Remote(url).is_file():
@@ -130,12 +132,6 @@ def list_remote(url: str) -> list[Remote]:
     if not found:
         raise LogError("there is no such file or folder", path=url)
     return sorted(found, key=str)
-
-
-def _describe(file: Remote) -> Any:
-    system, path = _find_system(file.url)
-    with _explain_errors(file.url):
-        return system.get_file_info(path)
 
 
 def _find_system(url: str) -> tuple[Any, str]:

@@ -23,11 +23,11 @@ from agonic.logs.headers.columns import (
 from agonic.logs.headers.conventions import (
     CORRECTED,
     OF_DEVICE,
+    OFFSETS,
     apply_conventions,
-    find_correction,
     is_corrected,
 )
-from agonic.logs.headers.header import LONGEST, identify_column
+from agonic.logs.headers.header import LONGEST, name_quantity
 from agonic.logs.headers.quantities import FALLBACK, LAST
 from agonic.logs.log import TORN, Facts, Log, Stream, Table, are_two_axes_allowed
 from agonic.logs.rows.auxiliary import (
@@ -52,10 +52,7 @@ TWO_AXES = "a two-axis compass, x and y alone, is calibrated with agonic calibra
 
 
 def build_log(table: Table, **facts: Unpack[Facts]) -> Log:
-    """The log that a table is: its magnetometers with their columns, and what else it holds.
-
-    Raises `LogError` where no magnetometer is found, or two columns could be the same thing.
-    """
+    """The log that a table is: its magnetometers with their columns, and what else it holds."""
     others, notes = tuple(facts.get("others", ())), facts.get("notes", ())
     headers = [*table, *others]
     if "field" not in find_quantities(table).values():
@@ -67,7 +64,7 @@ def build_log(table: Table, **facts: Unpack[Facts]) -> Log:
         fields = [number for number in axes if set(axes[number]) == set("xy")]
     if not fields:
         refuse_no_magnetometer(table, others)
-    fields.sort(key=lambda number: is_corrected(found["field"][number]))  # the raw one is first
+    fields.sort(key=lambda number: is_corrected(axes[number]))  # the raw one is first
     found, documented = apply_conventions(state_unit(found, table), headers, facts["path"].stem)
     found = set_angle_unit(found, table)
     whole = Part(
@@ -80,21 +77,19 @@ def build_log(table: Table, **facts: Unpack[Facts]) -> Log:
         remarks=(
             *facts.get("remarks", ()),
             *documented,
-            *find_correction(headers),
+            *((CORRECTED,) if OFFSETS.issubset(headers) else ()),
             *_note_choices(found, table, others, fields),
         ),
     )
     sensors, failures = _read_sensors(whole, fields)
     if TORN in notes:
         sensors = [one.with_columns(rejected={**one.rejected, TORN: 1}) for one in sensors]
-    return Log(
-        path=facts["path"],
-        format=facts["format"],
-        source=facts["source"],
-        sensors=tuple(sensors),
-        streams=_list_streams(table, found, others, sensors[0]),
-        notes=(*notes, *failures),
-    )
+    groups = [axes for by_sensor in found.values() for axes in by_sensor.values()]
+    used = {column.header for axes in groups for column in axes.values()}
+    rows = len(next(iter(table.values())))
+    unused = (header[:LONGEST] for header in (*(h for h in table if h not in used), *others))
+    streams = (Stream.at(header, rows, sensors[0].time) for header in unused)
+    return Log.of(facts, sensors, streams, failures)
 
 
 def _note_choices(
@@ -187,18 +182,16 @@ def _put_in_order(part: Part, number: str) -> tuple[Part, tuple[str, ...]]:
 def _find_frame(part: Part) -> str:
     """The letter in a `frame` column, where all rows agree on one; "m" otherwise."""
     column = pick(part.found.get("frame", {}), "").get("")
-    letters = set() if column is None else set(map(str, part.take(part.table[column.header])))
-    letter = letters.pop() if len(letters) == 1 else ""
+    letters = {"m"} if column is None else set(map(str, part.take(part.table[column.header])))
+    (letter,) = letters if len(letters) == 1 else "m"
     return letter if len(letter) == 1 and letter.isalpha() else "m"
 
 
 def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
-    """The rows of each sensor that a `sensor` column names, in order of appearance.
-
-    A sensor whose own name says that it is an accelerometer or a gyroscope is left out. A column
-    that may number anything names sensors where several rows have each number, and one that may
-    also count the recordings, whose rows follow each other, only where they alternate.
-    """
+    """The rows of each sensor that a `sensor` column names, in order of appearance. A sensor whose
+    own name says that it is an accelerometer or a gyroscope is left out. A column that may number
+    anything names sensors where several rows have each number, and one that may also count the
+    recordings, whose rows follow each other, only where they alternate."""
     column = pick(whole.found.get("sensor", {}), "").get("")
     if column is None:
         yield "", whole.rows
@@ -216,8 +209,7 @@ def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
     if len(names) > _MOST_SENSORS:
         raise LogError(f"{column.header!r} names {len(names)} sensors; is it another quantity?")
     for k in np.argsort(first):
-        other = identify_column(f"{names[k]} x") if len(names[k]) > 1 else None
-        if other is None or other.quantity.column == "field":
+        if len(names[k]) < 2 or name_quantity(f"{names[k]} x") in ("", "field"):
             yield str(names[k]), np.flatnonzero(which == k)
 
 
@@ -254,18 +246,6 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     raise LogError(said)
 
 
-def _list_streams(
-    table: Table, found: Identified, others: Iterable[str], first: Samples
-) -> tuple[Stream, ...]:
-    """The columns that no sensor could use."""
-    used = {
-        c.header for groups in found.values() for axes in groups.values() for c in axes.values()
-    }
-    rows = len(next(iter(table.values())))
-    unused = [*(header for header in table if header not in used), *others]
-    return tuple(Stream.at(header[:LONGEST], rows, first.time) for header in unused)
-
-
 _BEGINNINGS = [
     datetime(1970, 1, 1, tzinfo=UTC),  # Unix
     datetime(1980, 1, 1, tzinfo=UTC),  # MS-DOS, and files on memory cards
@@ -275,10 +255,8 @@ _RUNNING = timedelta(days=2)  # that it may have run for
 
 
 def leave_out_date(samples: Samples) -> Samples:
-    """The readings without their date, where it is the one that an unset clock has.
-
-    A log with positions keeps it: what tells the place tells the time as well.
-    """
+    """The readings without their date, where it is the one that an unset clock has. A log with
+    positions keeps it: what tells the place tells the time as well."""
     if samples.epoch is None or samples.latitude_deg is not None or not len(samples):
         return samples
     seconds = 0.0 if samples.time is None else float(np.nan_to_num(samples.time[0]))

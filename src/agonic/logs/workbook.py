@@ -22,7 +22,7 @@ from agonic.logs.contents import MOST_BYTES
 from agonic.logs.groups import build_groups_log, name_axes
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.header import MOST_COLUMNS
-from agonic.logs.log import Log, Table
+from agonic.logs.log import Facts, Log, Table
 from agonic.logs.text import csv_text
 from agonic.provenance import Input, hash_file
 
@@ -31,10 +31,7 @@ _FORMAT = "workbook"
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a workbook is; `unit` is that of the field where no header names one.
-
-    Raises `LogError` where no sheet holds a magnetometer.
-    """
+    """The log that a workbook is; `unit` is that of the field where no header names one."""
     with TemporaryDirectory(prefix=".agonic-") as made:
         written = _write_sheets(path, Path(made))
         sheets: dict[str, Table] = {}
@@ -56,24 +53,21 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
             why = "; ".join(said[:3]) or "all are empty"
             raise LogError(f"no sheet in it holds a table ({why})")
         else:
-            log = _bring_together(sheets, path, source, unit, others)
+            tables, paths = _name_tables(sheets)
+            facts = Facts(path=path, source=source, format=_FORMAT, unit=unit, others=others)
+            log = build_groups_log(tables, paths, **facts)
     several = f"of {len(written)} sheets, {', '.join(map(repr, fields[:5]))} with a magnetometer"
     return replace(log, notes=(*((several,) if len(written) > 1 else ()), *log.notes))
 
 
-def _bring_together(
-    sheets: dict[str, Table], path: Path, source: Input, unit: str | None, others: list[str]
-) -> Log:
-    """The log of several sheets; one magnetometer alone is not named for its sheet."""
+def _name_tables(sheets: dict[str, Table]) -> tuple[dict[Any, Any], dict[str, Path]]:
+    """Several sheets by their names, and those as files; one magnetometer alone has no name."""
     alone = len(sheets) == 1
     tables: dict[Any, Any] = {n: name_axes(table, n, alone=alone) for n, table in sheets.items()}
     fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
     if len(fields) == 1:
         tables = {0 if name in fields else name: table for name, table in tables.items()}
-    paths = {name: Path(name) for name in tables if name} | {"": Path(*fields[:1])}
-    return build_groups_log(
-        tables, paths, path=path, source=source, format=_FORMAT, unit=unit, others=others
-    )
+    return tables, {name: Path(name) for name in tables if name} | {"": Path(*fields[:1])}
 
 
 def _write_sheets(path: Path, folder: Path) -> dict[str, Path]:

@@ -99,7 +99,7 @@ def test_attitude_is_held_at_rest_and_interpolated_over_short_gaps():
     true = Rotation.from_euler("z", angle[:, None], degrees=True).as_quat(scalar_first=True)
     seen = true.copy()
     seen[:90] = seen[150:180] = seen[250:380] = np.nan
-    held = stacked.hold_at_rest(seen, moving=t > 1)
+    held = stacked.fill_at_rest(seen, moving=t > 1)
     np.testing.assert_allclose(held[:90], true[:90])
     filled = stacked.fill_short_gaps(held, t)
     np.testing.assert_allclose(filled[:250], true[:250], atol=1e-9)

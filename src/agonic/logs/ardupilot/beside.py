@@ -33,11 +33,9 @@ _REVERSIBLE = re.compile(rb"(Ardu)?(Sub|Rover|Boat|Blimp) V\d")
 
 
 def list_tracks(mag: Table, tables: Tables) -> Iterator[Track]:
-    """Attitude, motion, power, place and disturbers, as recorded beside a magnetometer.
-
-    Motors by their duty (0 stopped, 1 the longest pulse), speed controllers and further batteries
-    by their current. Source: ArduPilot, libraries/AP_Logger/LogStructure.h, AP_Motors.
-    """
+    """Attitude, motion, power, place and disturbers, as recorded beside a magnetometer. Motors by
+    their duty (0 stopped, 1 the longest pulse), speed controllers and further batteries by their
+    current. Source: ArduPilot, libraries/AP_Logger/LogStructure.h, AP_Motors."""
     battery, control = _first_instance(tables, "BAT", "CURR"), tables.get("CTUN")
     hundredths = battery is not None and "Curr" in battery.integer
     throttle, full = _throttle(control)
@@ -72,10 +70,8 @@ def _track(mag: Table, name: str, table: Table, values: Array) -> Track:
 
 def list_headings(tables: Tables) -> Iterator[Candidate]:
     """What tells a heading without a magnetometer: a GPS with two antennas, the yaw by velocities.
-
     GPS.Yaw is 0 where there is none; GPA.YAcc is its accuracy. XKY0 (NKY0 of an older filter) has
-    the composite yaw YC of the EKF-GSF and its standard deviation YCS, degrees.
-    """
+    the composite yaw YC of the EKF-GSF and its standard deviation YCS, degrees."""
     gps, accuracy = _first_instance(tables, "GPS"), _first_instance(tables, "GPA")
     if gps is not None and gps.time_s is not None and (yaw := gps.get("Yaw")) is not None:
         sd = np.full(len(yaw), GPS_YAW_SD_DEG)
@@ -105,10 +101,8 @@ def _first_instance(tables: Tables, *names: str) -> Table | None:
 
 
 def _throttle(control: Table | None) -> tuple[str, float]:
-    """The column of the throttle and its full scale.
-
-    Plane and Rover log percent, Copter and Sub 0…1, or 0…1000 as a whole number.
-    """
+    """The column of the throttle and its full scale. Plane and Rover log percent, Copter and Sub
+    0…1, or 0…1000 as a whole number."""
     if control is None:
         return "", 1.0
     name = "ThO" if "ThO" in control.columns else "ThrOut"

@@ -37,7 +37,7 @@ from agonic.logs.ardupilot.dataflash_binary import (
 from agonic.logs.ardupilot.parameters import remove_correction
 from agonic.logs.contents import to_number
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
 from agonic.logs.rows.calendar import gps_utc_s
 from agonic.logs.rows.resample import find_misplaced
 from agonic.logs.rows.tracks import build_samples
@@ -50,7 +50,7 @@ WANTED = (*MAGNETOMETERS, *_BESIDE, *YAW_ESTIMATORS, *DISTURBERS)
 SCHEMA = ("FMT", "FMTU", "UNIT", "MULT")
 """Messages that describe messages."""
 
-_GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 _FIRST_WEEK = 1356  # that of 2006-01-01; before there were such logs
 _LONGEST_RUN_S = 1e8  # three years; what lies above is damage
 _FIRMWARE = re.compile(r"^(APM:|Ardu|Blimp|AntennaTracker)\S* V\d")
@@ -78,15 +78,10 @@ def build_tables_log(content: Content, path: Path, source: Input, format: str) -
             f"holds no MAG messages{reasons}; set the compass bit of LOG_BITMASK and record again",
             path=path,
         )
-    return Log(
-        path=path,
-        format=format,
-        source=source,
-        sensors=sensors,
-        stack="ardupilot",
-        streams=tuple(s for s in content.streams if s.name not in (*MAGNETOMETERS, *SCHEMA)),
-        notes=(*find_firmware(tables), *content.notes),
-    )
+    facts = Facts(path=path, source=source, format=format)
+    streams = [s for s in content.streams if s.name not in (*MAGNETOMETERS, *SCHEMA)]
+    notes = (*find_firmware(tables), *content.notes)
+    return Log.of(facts, sensors, streams, notes, "ardupilot")
 
 
 def _find_magnetometers(tables: Tables) -> Iterator[tuple[str, str, Table]]:
@@ -137,7 +132,7 @@ def _utc_of_boot(gps: Table | None) -> datetime | None:
     if not known.any():
         return None
     moment = week[known] * 604800.0 + milliseconds[known] / 1e3
-    utc = _GPS_EPOCH + timedelta(seconds=float(np.median(moment - boot[known])))
+    utc = GPS_EPOCH + timedelta(seconds=float(np.median(moment - boot[known])))
     return utc - timedelta(seconds=gps_utc_s(utc.timestamp()))
 
 

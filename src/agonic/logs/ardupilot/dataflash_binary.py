@@ -57,11 +57,9 @@ FMT = Format("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns")
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """All messages of one name in the order of the file, a row a message.
-
-    `position` (n,) tells where in the file each stood; `columns` are float64, or bytes for texts;
-    `integer` names those that the log holds as whole numbers without a scale of their own.
-    """
+    """All messages of one name in the order of the file, a row a message. `position` (n,) tells
+    where in the file each stood; `columns` are float64, or bytes for texts; `integer` names those
+    that the log holds as whole numbers without a scale of their own."""
 
     position: Index
     columns: Mapping[str, NDArray[Any]]
@@ -103,10 +101,7 @@ def describe_stream(name: str, table: Table) -> Stream:
 
 
 def read_binary(path: Path, wanted: Collection[str]) -> Content:
-    """The wanted messages of a `.bin` file; damaged stretches are passed over and reported.
-
-    Raises `LogError` where not one format message is found.
-    """
+    """The wanted messages of a `.bin` file; damaged stretches are passed over and reported."""
     data = load(path)
     size = len(data)
     marks = np.flatnonzero(data[:-2] == 0xA3)
@@ -145,13 +140,10 @@ def load(path: Path) -> Bytes:
 
 
 def find_chained(starts: Index, ends: Index, size: int) -> Mask:
-    """Which of the places that look like a header are one, (n,).
-
-    The marks also occur by chance within messages. A message therefore counts when it ends where
-    another header or the file's end is; at the end of an unbroken chain it also counts when no
-    header lies within it. `starts` are all places of the marks, `ends` where their messages would
-    end, `size` the bytes of the file.
-    """
+    """Which of the places that look like a header are one, (n,). The marks also occur by chance
+    within messages. A message therefore counts when it ends where another header or the file's end
+    is; at the end of an unbroken chain it also counts when no header lies within it. `starts` are
+    all places of the marks, `ends` where their messages would end, `size` the bytes of the file."""
     bounds = np.append(starts, size)
     following = np.searchsorted(starts, ends)
     linked = bounds[following] == ends

@@ -98,10 +98,8 @@ def find_packets(data: Bytes) -> Packets:
 
 
 def decode(data: Bytes, packets: Packets, message: Any) -> Messages:
-    """The messages of one kind, without those whose checksum is wrong.
-
-    What a packet leaves out is zero: MAVLink 2 cuts trailing zeros off, MAVLink 1 the extensions.
-    """
+    """The messages of one kind, without those whose checksum is wrong. What a packet leaves out is
+    zero: MAVLink 2 cuts trailing zeros off, MAVLink 1 the extensions."""
     packets = packets.select(check_intact(data, packets, message.crc_extra))
     layout = make_dtype(message)
     column = np.arange(layout.itemsize)
@@ -144,10 +142,7 @@ def make_dtype(message: Any) -> np.dtype[np.void]:
 
 
 def load_definitions() -> dict[str, Any]:
-    """What pymavlink knows of each message, by its name.
-
-    Raises `MissingExtraError` without pymavlink.
-    """
+    """What pymavlink knows of each message, by its name."""
     try:
         from pymavlink.dialects.v20 import ardupilotmega
     except ImportError:
@@ -209,11 +204,9 @@ _LONGEST_DELAY_S = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """The clock of the vehicle as its messages show it, in the order of the file.
-
-    `boot_s` are seconds since its start; where it starts anew, they run on. Where no message shows
-    it, `position` is empty, and second zero is the first arrival.
-    """
+    """The clock of the vehicle as its messages show it, in the order of the file. `boot_s` are
+    seconds since its start; where it starts anew, they run on. Where no message shows it,
+    `position` is empty, and second zero is the first arrival."""
 
     position: Index
     boot_s: Array

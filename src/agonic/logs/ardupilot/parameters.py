@@ -29,11 +29,9 @@ AXES = "XYZ"
 
 
 def remove_correction(mag: Table, parameters: Table, slot: str) -> Readings:
-    """Take the correction out of the readings of one compass.
-
-    `mag` has its messages, `parameters` the PARM messages, and `slot` is the number in the
-    parameter names: "" for the first compass, then "2" and "3".
-    """
+    """Take the correction out of the readings of one compass. `mag` has its messages, `parameters`
+    the PARM messages, and `slot` is the number in the parameter names: "" for the first compass,
+    then "2" and "3"."""
     field = _stack_vector(mag, ("Mag",))
     if field is None:
         raise LogError("the MAG messages name no MagX, MagY and MagZ; fetch the log again")
@@ -81,10 +79,8 @@ def find_soft_iron(parameters: Table, slot: str, at: Index) -> tuple[Index, Arra
 
 
 def look_up(parameters: Table, name: str, at: Index) -> Array:
-    """The value of a parameter at each place in the file; 0 if it is not logged.
-
-    Its first value holds from the start, for the list is written while the log already runs.
-    """
+    """The value of a parameter at each place in the file; 0 if it is not logged. Its first value
+    holds from the start, for the list is written while the log already runs."""
     rows = parameters.columns["Name"] == name.encode()
     if not rows.any():
         return np.zeros(len(at))

@@ -18,29 +18,19 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
+from agonic.logs.ardupilot import mavlink
 from agonic.logs.ardupilot.beside import list_tracks
 from agonic.logs.ardupilot.dataflash import find_firmware
 from agonic.logs.ardupilot.dataflash_binary import Table, load
-from agonic.logs.ardupilot.mavlink import (
-    CLOCKED,
-    INERTIAL,
-    TABLES,
-    Messages,
-    Timeline,
-    decode,
-    find_packets,
-    load_definitions,
-    make_tables,
-)
 from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
-from agonic.logs.log import Log, Readings, Stream
+from agonic.logs.log import Facts, Log, Readings, Stream
 from agonic.logs.rows.resample import find_misplaced
 from agonic.logs.rows.tracks import build_samples
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import RAW
 
-Heard = Mapping[str, Messages]
+Heard = Mapping[str, mavlink.Messages]
 
 ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8
 STACKS = {ARDUPILOT: "ardupilot", PX4: "px4"}
@@ -51,7 +41,7 @@ SLOTS = {"RAW_IMU": "", "SCALED_IMU": "", "SCALED_IMU2": "2", "SCALED_IMU3": "3"
 ArduPilot's HIGHRES_IMU is of that one too, and not read, for its unit is in doubt:
 send_highres_imu multiplies milligauss by 1000.
 """
-WANTED = tuple(dict.fromkeys(("HEARTBEAT", *TABLES, *CLOCKED)))
+WANTED = tuple(dict.fromkeys(("HEARTBEAT", *mavlink.TABLES, *mavlink.CLOCKED)))
 
 _PER_SYSTEM = 256  # a sender is system · 256 + component
 
@@ -68,17 +58,17 @@ _MOTORS_LEFT = "the autopilot's compensation for the motors is not in telemetry 
 
 def accepts(head: bytes) -> bool:
     """Whether a file that starts with these bytes is a telemetry log: two packets end to end."""
-    packets = find_packets(np.frombuffer(head, np.uint8))
+    packets = mavlink.find_packets(np.frombuffer(head, np.uint8))
     return bool((packets.start[1:] == packets.end[:-1]).any())
 
 
 def read(path: Path, source: Input) -> Log:
     """The magnetometers of one vehicle in a telemetry log with all that was beside them."""
-    known = load_definitions()
+    known = mavlink.load_definitions()
     data = load(path)
-    packets = find_packets(data)
+    packets = mavlink.find_packets(data)
     wanted = {name: packets.select(packets.kind == known[name].id) for name in WANTED}
-    heard = {name: decode(data, some, known[name]) for name, some in wanted.items()}
+    heard = {name: mavlink.decode(data, some, known[name]) for name, some in wanted.items()}
     skipped = int(data.size - (packets.end - packets.start).sum())
     spoilt = sum(len(wanted[name]) - len(heard[name]) for name in WANTED)
     damage = (
@@ -87,8 +77,8 @@ def read(path: Path, source: Input) -> Log:
     )
     vehicle, autopilot, others = _vehicle(heard)
     own = {name: messages.select(messages.sender == vehicle) for name, messages in heard.items()}
-    timeline = Timeline.of(own)
-    tables = make_tables(own, timeline)
+    timeline = mavlink.Timeline.of(own)
+    tables = mavlink.make_tables(own, timeline)
     sensors = _sensors(tables, timeline.epoch, autopilot, source)
     if not sensors:
         reasons = f" ({'; '.join(damage)})" if damage else ""
@@ -105,15 +95,9 @@ def read(path: Path, source: Input) -> Log:
     for kind, rows in zip(kinds.tolist(), counts.tolist(), strict=True):
         if (name := names.get(kind, f"message {kind}")) not in taken:
             streams.append(Stream.at(name, rows, sent.received_us[sent.kind == kind] / 1e6))
-    return Log(
-        path=path,
-        format="MAVLink telemetry",
-        source=source,
-        sensors=sensors,
-        stack=STACKS.get(autopilot, ""),
-        streams=tuple(streams),
-        notes=(*find_firmware(tables), *others, *damage),
-    )
+    facts = Facts(path=path, source=source, format="MAVLink telemetry")
+    notes = (*find_firmware(tables), *others, *damage)
+    return Log.of(facts, sensors, streams, notes, STACKS.get(autopilot, ""))
 
 
 def _vehicle(heard: Heard) -> tuple[int, int, tuple[str, ...]]:
@@ -121,7 +105,9 @@ def _vehicle(heard: Heard) -> tuple[int, int, tuple[str, ...]]:
     beats = heard["HEARTBEAT"]
     beats = beats.select(beats.values["autopilot"] != NO_AUTOPILOT)
     autopilots = dict(zip(beats.sender.tolist(), beats.values["autopilot"].tolist(), strict=True))
-    readings = Counter(sender for name in INERTIAL for sender in heard[name].sender.tolist())
+    readings = Counter(
+        sender for name in mavlink.INERTIAL for sender in heard[name].sender.tolist()
+    )
     if not autopilots:
         unknown = "no heartbeat of an autopilot in the log: readings are taken as they were sent"
         return max(readings, key=readings.__getitem__, default=-1), NO_AUTOPILOT, (unknown,)
@@ -136,7 +122,7 @@ def _sensors(
     tables: Mapping[str, Table], epoch: datetime, autopilot: int, source: Input
 ) -> tuple[Samples, ...]:
     """Each magnetometer of a vehicle that measures anything."""
-    names = SLOTS if autopilot == ARDUPILOT else INERTIAL
+    names = SLOTS if autopilot == ARDUPILOT else mavlink.INERTIAL
     measured = [name for name in names if name in tables and _find_answered(tables[name]).any()]
     if autopilot == ARDUPILOT and {"RAW_IMU", "SCALED_IMU"} <= set(measured):
         measured.remove("SCALED_IMU")
@@ -168,17 +154,10 @@ def _samples(
     tracks = list_tracks(mag, tables)
     if found.frame != "b":  # the motion is in those axes
         tracks = (track for track in tracks if track.values.ndim == 1)
+    rejected = {"no reading": len(sent) - len(answered), "time out of sequence": int(wrong.sum())}
+    time = mag.time_s
     return build_samples(
-        name,
-        found,
-        tracks,
-        time=mag.time_s,
-        epoch=epoch,
-        source=source,
-        rejected={
-            "no reading": len(sent) - len(answered),
-            "time out of sequence": int(wrong.sum()),
-        },
+        name, found, tracks, time=time, epoch=epoch, source=source, rejected=rejected
     )
 
 

@@ -63,9 +63,8 @@ def _read_contents(path: Path) -> dict[str, Any]:
 
 def _gather_messages(arrays: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, NDArray[Any]]]:
     """The columns of the MAVLink messages that Mission Planner exports: `xmag_mavlink_raw_imu_t`.
-
-    Each is (n, 2): when it came, days as MATLAB counts them, and its value. Source: Log/MatLab.cs.
-    """
+    Each is (n, 2): when it came, days as MATLAB counts them, and its value. Source:
+    Log/MatLab.cs."""
     known = find_group("MAVLink")
     tables: dict[str, dict[str, NDArray[Any]]] = {}
     for name, array in arrays.items():

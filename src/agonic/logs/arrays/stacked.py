@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from agonic.arrays import Array, Mask
 from agonic.logs.groups import build_groups_log
 from agonic.logs.headers.column_names import rename_headers
-from agonic.logs.headers.header import identify_column, names_reading
+from agonic.logs.headers.header import name_quantity, names_reading
 from agonic.logs.log import Facts, Log
 from agonic.logs.rows.auxiliary import SHORT_REACH_S, measure_reach
 from agonic.maths.rotations.attitude import angles_deg
@@ -61,13 +61,13 @@ def rename_variables(
     moving = np.array(np.linalg.norm(arrays["imu_gyr"], axis=1) > _REST_RAD_S)
     if "movement" in arrays:
         moving |= arrays["movement"].astype(bool)
-    held = hold_at_rest(seen, moving)
-    filled = fill_short_gaps(held, time)
+    rested = fill_at_rest(seen, moving)
+    filled = fill_short_gaps(rested, time)
     roll, pitch, heading = compute_attitude_deg(filled)
     named = {NAMES.get(name, name): array for name, array in arrays.items()}
     named |= {name: named[name] @ _FACE_UP for name in NAMES.values()}
     named |= {"roll_deg": roll, "pitch_deg": pitch, "heading_deg": heading}
-    lost, still, gone = (int(np.isnan(q).any(axis=1).sum()) for q in (seen, held, filled))
+    lost, still, gone = (int(np.isnan(q).any(axis=1).sum()) for q in (seen, rested, filled))
     counts = (
         f"{lost} rows have no optical attitude: {lost - still} at rest take the nearest row's, "
         f"{still - gone} are interpolated"
@@ -84,7 +84,7 @@ def compute_attitude_deg(quat_wxyz: Array) -> tuple[Array, Array, Array]:
     return angles[0], angles[1], angles[2]
 
 
-def hold_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
+def fill_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
     """The rotations with gaps filled from the nearest known row without movement in between."""
     known = np.flatnonzero(np.isfinite(quat_wxyz).all(axis=1))
     if not len(known):
@@ -92,12 +92,12 @@ def hold_at_rest(quat_wxyz: Array, moving: Mask) -> Array:
     rows = np.arange(len(quat_wxyz))
     after = np.searchsorted(known, rows)
     moved = np.cumsum(moving)
-    held = quat_wxyz.copy()
+    filled = quat_wxyz.copy()
     for side in (after - 1, after):
         nearest = known[np.clip(side, 0, len(known) - 1)]
-        free = np.isnan(held).any(axis=1) & (moved[nearest] == moved)
-        held[free] = quat_wxyz[nearest[free]]
-    return held
+        free = np.isnan(filled).any(axis=1) & (moved[nearest] == moved)
+        filled[free] = quat_wxyz[nearest[free]]
+    return filled
 
 
 def fill_short_gaps(quat_wxyz: Array, time: Array) -> Array:
@@ -132,17 +132,21 @@ def build_arrays_log(arrays: Arrays, **facts: Unpack[Facts]) -> Log:
 def build_tables(arrays: Arrays) -> tuple[list[dict[str, NDArray[Any]]], list[str]]:
     """The columns that are understood, a table for each length, and the names of other arrays."""
     found = _find_columns(arrays)
-    if not any(_quantity(header) == "field" for columns in found.values() for header in columns):
+    if not any(
+        name_quantity(header) == "field" for columns in found.values() for header in columns
+    ):
         found |= _find_lone(arrays, found)
     tables: dict[int, dict[str, NDArray[Any]]] = {}
     for columns in found.values():
         for header, values in columns.items():
             tables.setdefault(len(values), {})[header] = values
-    rate = _sampling_rate(arrays)
+    named = [array for name, array in arrays.items() if is_sampling_rate(name)]
+    rates = (float(a.reshape(())) for a in named if a.size == 1 and a.dtype.kind in "fiu")
+    rate = next(rates, 0.0)
     for rows, table in tables.items():
-        if rate and "time" not in map(_quantity, table):
+        if 0 < rate < np.inf and "time" not in map(name_quantity, table):
             table["time_s"] = np.arange(rows) / rate
-    ordered = sorted(tables.values(), key=lambda table: "field" not in map(_quantity, table))
+    ordered = sorted(tables.values(), key=lambda table: "field" not in map(name_quantity, table))
     return ordered, [name for name in arrays if name not in found]
 
 
@@ -151,16 +155,11 @@ def _find_columns(arrays: Arrays) -> dict[str, dict[str, NDArray[Any]]]:
     every = {name: _columns(name, np.squeeze(array)) for name, array in arrays.items()}
     headers = [header for columns in every.values() for header in columns]
     ours = dict(zip(headers, rename_headers(headers), strict=True))
-    found = {}
-    for name, columns in every.items():
-        if known := {ours[h]: values for h, values in columns.items() if _quantity(ours[h])}:
-            found[name] = known
-    return found
-
-
-def _quantity(header: str) -> str:
-    column = identify_column(header)
-    return "" if column is None else column.quantity.column
+    known = {
+        name: {ours[h]: values for h, values in columns.items() if name_quantity(ours[h])}
+        for name, columns in every.items()
+    }
+    return {name: columns for name, columns in known.items() if columns}
 
 
 def _columns(name: str, array: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -173,15 +172,11 @@ def _columns(name: str, array: NDArray[Any]) -> dict[str, NDArray[Any]]:
         rows = array if array.shape[1] == 3 else array.T
         return {f"{name}[{k}]": rows[:, k] for k in range(3)}
     for rows in (array, array.T):
-        if rows.shape[1] in (2, 4) and len(rows) > 4 and _is_clock(rows[:, 0]):
-            if rows.shape[1] == 2:
-                return {f"{name}.time": rows[:, 0], name: rows[:, 1]}
-            return {f"{name}.time": rows[:, 0], **_columns(name, rows[:, 1:])}
+        timed = rows.shape[1] in (2, 4) and len(rows) > 4 and rows.dtype.kind in "fiu"
+        if timed and (rows[1:, 0] > rows[:-1, 0]).all():
+            others = _columns(name, rows[:, 1] if rows.shape[1] == 2 else rows[:, 1:])
+            return {f"{name}.time": rows[:, 0], **others}
     return {}
-
-
-def _is_clock(values: NDArray[Any]) -> bool:
-    return values.dtype.kind in "fiu" and bool((values[1:] > values[:-1]).all())
 
 
 def _find_lone(arrays: Arrays, known: Mapping[str, Any]) -> dict[str, dict[str, NDArray[Any]]]:
@@ -205,12 +200,3 @@ def _find_lone(arrays: Arrays, known: Mapping[str, Any]) -> dict[str, dict[str, 
 def is_sampling_rate(name: str) -> bool:
     """Whether an array is named as a sampling rate in Hz."""
     return "".join(filter(str.isalpha, name.rpartition(".")[2])).lower() in SAMPLING_RATES
-
-
-def _sampling_rate(arrays: Arrays) -> float | None:
-    """The positive number, Hz, that an array named as a sampling rate holds."""
-    for name, array in arrays.items():
-        if is_sampling_rate(name) and array.size == 1 and array.dtype.kind in "fiu":
-            rate = float(array.reshape(()))
-            return rate if 0 < rate < np.inf else None
-    return None

@@ -25,11 +25,9 @@ _HEADER = 16
 
 
 def check_heaps(path: Path) -> None:
-    """Raise `LogError` where a heap of texts is damaged so that HDF5 would go round for ever.
-
-    An object of no size that stands for free space is taken up again and again by libhdf5 1.14
-    (HDF5 File Format Specification 3.0, section III.E, global heap).
-    """
+    """Raise `LogError` where a heap of texts is damaged so that HDF5 would go round for ever. An
+    object of no size that stands for free space is taken up again and again by libhdf5 1.14 (HDF5
+    File Format Specification 3.0, section III.E, global heap)."""
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
         start = data.find(_HEAP)
         while start >= 0:
@@ -46,10 +44,8 @@ def check_heaps(path: Path) -> None:
 
 
 def list_items(group: Any) -> dict[str, Any]:
-    """The groups and data sets that lie in an HDF5 group itself, by name.
-
-    Links to other files, to other places in this one and around in circles are not followed.
-    """
+    """The groups and data sets that lie in an HDF5 group itself, by name. Links to other files, to
+    other places in this one and around in circles are not followed."""
     import h5py
 
     refuse_many(len(group), "variables")
@@ -79,10 +75,8 @@ def read_values(item: Any) -> NDArray[Any]:
 
 def read_version_5(path: Path) -> dict[str, Any]:
     """The variables of a file by name, numbers as MATLAB has them, without axes of length one.
-
     Objects and sparse matrices are left out. Raises `LogError` where the file is damaged; SciPy's
-    reader, in C, may end the process.
-    """
+    reader, in C, may end the process."""
     from scipy.io import loadmat
 
     with explain_damage():
@@ -159,10 +153,7 @@ def _contents(group: Any, depth: int = 0) -> dict[str, Any]:
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of an archive by their names, or the one of a file by its own.
-
-    Raises `LogError` where there are none, or they are damaged.
-    """
+    """The arrays of an archive by their names, or the one of a file by its own."""
     with explain_damage("no arrays of numbers, or damaged"), path.open("rb") as stream:
         found = np.load(stream, allow_pickle=False)
         if isinstance(found, np.ndarray):

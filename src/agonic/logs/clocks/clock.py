@@ -41,13 +41,15 @@ _TIED_SHARE = 0.01
 
 
 def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
-    """The clock that a time column holds.
-
-    `values` are numbers, moments (datetime64) or texts; `unit_s` is one of the column's units in
-    seconds, `None` where it does not say.
-    """
+    """The clock that a time column holds. `values` are numbers, moments (datetime64) or texts;
+    `unit_s` is one of the column's units in seconds, `None` where it does not say."""
     if values.dtype.kind == "M":
-        return _of_moments(values)
+        known = values[~np.isnat(values)]
+        if not len(known):
+            return None, None, (_NONE_READ,)
+        first = min(known[0], known[-1]).astype("datetime64[s]")
+        epoch = UNIX + timedelta(seconds=int(first.astype(np.int64)))
+        return (values - first) / np.timedelta64(1, "s"), epoch, ()
     if values.dtype.kind in "OUS":
         return _of_texts(values.astype(str).tolist())
     numbers = np.asarray(values, dtype=np.float64)
@@ -55,6 +57,13 @@ def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
         return _without_unit(numbers)
     seconds = numbers / (1 / unit_s)  # 70 000 µs / 1e6 is 0.07 s; times 1e-6 is not
     return since_first_second(seconds, ()) if _is_unix(seconds) else (seconds, None, ())
+
+
+def unwrap(values: Array, period: float) -> Array:
+    """Values that go round, counted up, by those that are known."""
+    known = np.isfinite(values)
+    values[known] = np.unwrap(values[known], period=period)
+    return values
 
 
 _TICKS = {"s": 1.0, "ms": 1e3, "µs": 1e6, "ns": 1e9}
@@ -73,7 +82,9 @@ def _without_unit(numbers: Array) -> Clock:
         seconds, dated, note = digits
         return since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
     finite = numbers[np.isfinite(numbers)]
-    if _are_steps_whole(finite) and (step := median(np.diff(finite))) > 1:
+    steps = (np.diff(some) for some in (finite[:_FEW], finite))  # most show it among the first
+    whole = len(finite) > 1 and all((some == np.round(some)).all() for some in steps)
+    if whole and (step := median(np.diff(finite))) > 1:
         if step >= _NANOSECONDS:
             note = f"times have no unit; by their steps of {step:g} they are taken as nanoseconds"
             return numbers / 1e9, None, (note,)
@@ -83,12 +94,6 @@ def _without_unit(numbers: Array) -> Clock:
         )
         return None, None, (note,)
     return numbers, None, ("times have no unit: taken as seconds",)
-
-
-def _are_steps_whole(times: Array) -> bool:
-    """Whether times step by whole numbers; most that do not show it among the first."""
-    steps = (np.diff(some) for some in (times[:_FEW], times))
-    return len(times) > 1 and all((some == np.round(some)).all() for some in steps)
 
 
 def _is_unix(seconds: Array) -> bool:
@@ -118,15 +123,6 @@ def to_moments(microseconds: Array, start: datetime = UNIX) -> NDArray[np.dateti
     return np.asarray(stamps)
 
 
-def _of_moments(values: NDArray[Any]) -> Clock:
-    known = values[~np.isnat(values)]
-    if not len(known):
-        return None, None, (_NONE_READ,)
-    first = min(known[0], known[-1]).astype("datetime64[s]")
-    epoch = UNIX + timedelta(seconds=int(first.astype(np.int64)))
-    return (values - first) / np.timedelta64(1, "s"), epoch, ()
-
-
 def _of_texts(texts: list[str]) -> Clock:
     """Date-times of ISO 8601 (or with slashes), or times of day without a date."""
     from agonic.logs.clocks.dates import AMBIGUOUS, find_order, has_slashes, read_duration_s
@@ -135,7 +131,7 @@ def _of_texts(texts: list[str]) -> Clock:
         spans = [read_duration_s(text) for text in texts]
         seconds = np.array([np.nan if s is None else s for s in spans])
         if ":" in texts[0] and seconds[np.isfinite(seconds)].max() < _HOUR_S:  # mm:ss.0 of Excel
-            seconds[np.isfinite(seconds)] = np.unwrap(seconds[np.isfinite(seconds)], period=_HOUR_S)
+            seconds = unwrap(seconds, _HOUR_S)
         return seconds, None, ()
     slashes = any(map(has_slashes, texts))
     order = find_order(texts) if slashes else None
@@ -159,11 +155,14 @@ def _of_texts(texts: list[str]) -> Clock:
         [np.nan if moment is None else (moment - epoch).total_seconds() for moment in moments]
     )
     if first.year > 1:
-        named = any(map(_names_zone, texts[:9]))
+        tails = (text.strip()[10:] for text in texts[:9])
+        named = any(t.upper().endswith(("Z", "UTC", "GMT")) or "+" in t or "-" in t for t in tails)
         return seconds, epoch, () if named else (NO_ZONE,)
-    finite = np.isfinite(seconds)
-    seconds[finite] = np.unwrap(seconds[finite], period=DAY_S)
-    return seconds, None, (AMBIGUOUS if slashes else f"{TIMES_OF_DAY} without a date",)
+    return (
+        unwrap(seconds, DAY_S),
+        None,
+        (AMBIGUOUS if slashes else f"{TIMES_OF_DAY} without a date",),
+    )
 
 
 def _moment(text: str, order: str | None) -> datetime | None:
@@ -185,18 +184,11 @@ def _of_iso(text: str) -> datetime | None:
     return None
 
 
-def _names_zone(text: str) -> bool:
-    tail = text.strip()[10:]
-    return tail.upper().endswith(("Z", "UTC", "GMT")) or "+" in tail or "-" in tail
-
-
 def spread_ties(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
-    """Times of a coarse clock, with each run of equal times spread evenly over its tick.
-
-    A clock is coarse where it stands still although the readings (n, 3) change, in more than a
-    few rows; a repeated row is not a tick and is left for `Samples` to reject. Row i of a run of
-    k at time t becomes t + (i/k) min(t' − t, median tick), t' being the next time.
-    """
+    """Times of a coarse clock, with each run of equal times spread evenly over its tick. A clock is
+    coarse where it stands still although the readings (n, 3) change, in more than a few rows; a
+    repeated row is not a tick and is left for `Samples` to reject. Row i of a run of k at time t
+    becomes t + (i/k) min(t' − t, median tick), t' being the next time."""
     rows = np.flatnonzero(np.isfinite(time))
     ticks = time[rows]
     still = ticks[1:] == ticks[:-1]

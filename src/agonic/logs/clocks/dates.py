@@ -35,10 +35,8 @@ _CALENDAR = ((1.0, 2e13), (1e3, 2e16))
 
 def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
     """Seconds of numbers that are calendar dates or times of day, whether since 1970, and a note.
-
     `None` where they are plain numbers. A time of day is told by its minutes: no number has more
-    than 59 seconds, and from one minute to the next it leaps by 40 more than otherwise.
-    """
+    than 59 seconds, and from one minute to the next it leaps by 40 more than otherwise."""
     finite = numbers[np.isfinite(numbers)]
     low, high = (finite.min(), finite.max()) if len(finite) >= _FEWEST else (-1.0, -1.0)
     if low < 0.0:
@@ -141,10 +139,8 @@ def has_slashes(text: str) -> bool:
 
 
 def write_iso(text: str, order: str | None) -> str | None:
-    """A moment, or a time of day, as ISO 8601; `None` where it is neither.
-
-    `order` is that of day and month in dates with slashes; without, those lose their date.
-    """
+    """A moment, or a time of day, as ISO 8601; `None` where it is neither. `order` is that of day
+    and month in dates with slashes; without, those lose their date."""
     plain = text[:_LONGEST].strip().strip("\"'")
     split = _DATE.fullmatch(plain)
     clock = _CLOCK.fullmatch(split["clock"].strip()) if split else None
@@ -190,9 +186,7 @@ def _write_date(text: str, order: str | None) -> str | None:
 
 def read_duration_s(text: str) -> float | None:
     """Seconds of a number with a unit of time behind it, or of minutes and seconds with a point.
-
-    `None` for anything else.
-    """
+    `None` for anything else."""
     plain = text[:_LONGEST].strip().strip("\"'")
     if match := _DAYS.fullmatch(plain):
         days, hours, minutes, seconds = match.groups()

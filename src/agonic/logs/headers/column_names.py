@@ -26,7 +26,7 @@ from pathlib import Path
 from agonic.errors import LogError
 from agonic.logs.headers.conventions import name_documented
 from agonic.logs.headers.header import LONGEST, Column, identify_column
-from agonic.logs.headers.quantities import DOCUMENT
+from agonic.logs.headers.quantities import DOCUMENT, PARTS
 
 _BESIDE = ".toml"
 _AXES = "xyz"
@@ -35,9 +35,7 @@ _FIELD_BEHIND = re.compile(r"_(nT|uT|[µμ]T|mT|mG|Gauss|gauss)$")
 _LIKE_A_CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
 
 _DATE, _TIME_OF_DAY = DOCUMENT["parts"]["date"], DOCUMENT["parts"]["time"]
-_PART_OF = {
-    word: part for part, words in {**_DATE, **_TIME_OF_DAY}.items() for word in words.split()
-}
+_PART_OF = {word: part for part, words in PARTS.items() for word in words.split()}
 _AFTER = {"year": "month", "hour": "minute"}
 """What mm or m stands for, by the part before it."""
 _IDLE = re.compile(r"(?i)utc|gmt|time|date|[\W\d_]+")
@@ -49,10 +47,8 @@ _STRENGTH = re.compile(r"[hH][_ ]?([xyzXYZ])(?=$|\s*[(\[])")
 @dataclass(frozen=True, kw_only=True)
 class ColumnNames:
     """The headers of a file by the canonical names of what they hold, and the unit of the field.
-
     With `several` files the columns of a numbered sensor may be in others: they are left out of a
-    file that has none of them.
-    """
+    file that has none of them."""
 
     headers: Mapping[str, str]
     unit: str | None = None
@@ -60,10 +56,7 @@ class ColumnNames:
     several: bool = False
 
     def rename(self, headers: Sequence[str]) -> list[str]:
-        """The headers as they should be read: others for the same quantity become empty.
-
-        Raises `LogError` where a header is not there.
-        """
+        """The headers as they should be read: others for the same quantity become empty."""
         ours = {
             theirs: _canonical(name, self.unit, theirs) for name, theirs in self.headers.items()
         }
@@ -123,10 +116,7 @@ def _quantity(header: str) -> str:
 
 
 def parse_names(text: str | Mapping[str, str], where: str = "--columns") -> ColumnNames:
-    """The names in `time=t,x=mx,y=my,z=mz`, or in a mapping of such.
-
-    Raises `LogError` for a name that is no column's.
-    """
+    """The names in `time=t,x=mx,y=my,z=mz`, or in a mapping of such."""
     if isinstance(text, str):
         pairs = [pair.partition("=") for pair in text.split(",") if pair.strip()]
         if not all(sign and theirs.strip() for _, sign, theirs in pairs):
@@ -189,10 +179,10 @@ def _read_beside(path: Path) -> ColumnNames | None:
     if not isfile(beside):  # False too where the name is longer than names may be
         return None
     try:
-        told = tomllib.loads(beside.read_text("utf-8"))
+        kept = tomllib.loads(beside.read_text("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise LogError(f"{beside.name} cannot be read: {error}") from None
-    columns, unit = told.get("columns"), told.get("unit")
+    columns, unit = kept.get("columns"), kept.get("unit")
     if not isinstance(columns, dict) or not isinstance(unit, str | None):
         raise LogError(f'{beside.name} needs a table [columns] with lines such as x = "mx"')
     names = parse_names(columns, beside.name)
@@ -215,10 +205,8 @@ def rename_headers(headers: Sequence[str], title: str = "") -> list[str]:
 
 
 def _name_parts(headers: Sequence[str]) -> list[str]:
-    """The headers, those of the parts of a moment with canonical names.
-
-    `h`, `mm` and `Sec` mean that beside each other only.
-    """
+    """The headers, those of the parts of a moment with canonical names. `h`, `mm` and `Sec` mean
+    that beside each other only."""
     found: list[str] = []
     for header in headers:
         word = _IDLE.sub("", header).lower() if len(header) < 24 else ""
@@ -251,7 +239,14 @@ def suggest_names(headers: Iterable[str]) -> str:
     free = [header for header in known if identify_column(header) is None]
     time = next((h for h in known if _quantity(h) == "time" or _LIKE_A_CLOCK.search(h)), None)
     free = sorted((h for h in free if _may_be_field(h)), key=lambda h: h[:1].lower() not in "mbh")
-    x, y, z = next(filter(None, (_find_triple(h, free) for h in free)), ("…",) * 3)
+    triples = (  # headers that differ in one letter
+        [header[:at] + other + header[at + 1 :] for other in letters]
+        for header in free
+        for letters in ("xyz", "XYZ", "012", "123")
+        for at, letter in enumerate(header)
+        if letter == letters[0]
+    )
+    x, y, z = next((three for three in triples if {*three} <= {*free}), ["…"] * 3)
     parts = [f"time={time}"] * (time is not None) + [f"x={x}", f"y={y}", f"z={z}"]
     columns = ",".join(parts)
     return f"--columns {repr(columns) if ' ' in columns else columns} --unit uT"
@@ -264,13 +259,3 @@ def _may_be_field(header: str) -> bool:
         return True
     written = identify_column(f"mag_x [{tail[1].strip()}]")
     return written is not None and written.unit is not None
-
-
-def _find_triple(first: str, headers: Sequence[str]) -> tuple[str, str, str] | None:
-    """Three headers that differ in one letter: x, y, z, or 0, 1, 2, or 1, 2, 3."""
-    for letters in ("xyz", "XYZ", "012", "123"):
-        for at, letter in enumerate(first):
-            others = [first[:at] + other + first[at + 1 :] for other in letters[1:]]
-            if letter == letters[0] and all(other in headers for other in others):
-                return first, others[0], others[1]
-    return None

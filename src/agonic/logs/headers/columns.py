@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from agonic.errors import LogError
 from agonic.logs.headers.header import MOST_COLUMNS
@@ -60,11 +60,8 @@ Identified = dict[str, dict[str, dict[str, Column]]]
 
 
 def identify_columns(headers: Iterable[str]) -> Identified:
-    """The columns that are understood, the best name for each.
-
-    Two that could be the same thing beside the field are left out; of the others, raises
-    `LogError` naming both.
-    """
+    """The columns that are understood, the best name for each. Two that could be the same thing
+    beside the field are left out; of the others, raises `LogError` naming both."""
     headers = list(headers)
     sensors = _name_sensors(headers)
     groups: dict[tuple[str, str], list[Column]] = {}
@@ -94,6 +91,17 @@ def identify_columns(headers: Iterable[str]) -> Identified:
         if kept := {axis: column for axis, column in axes.items() if axis not in doubtful}:
             found.setdefault(name, {})[sensor] = kept
     return found
+
+
+def map_columns(found: Identified, change: Callable[[Column], Column]) -> Identified:
+    """What a function makes of each of the columns."""
+    return {
+        quantity: {
+            sensor: {axis: change(column) for axis, column in axes.items()}
+            for sensor, axes in groups.items()
+        }
+        for quantity, groups in found.items()
+    }
 
 
 _BESIDE = frozenset(

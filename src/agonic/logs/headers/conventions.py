@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from agonic.errors import LogError
-from agonic.logs.headers.columns import Identified
+from agonic.logs.headers.columns import Identified, map_columns
 from agonic.logs.headers.header import Column, identify_column
 from agonic.logs.headers.quantities import BY_COLUMN, FALLBACK
 
@@ -41,22 +41,17 @@ class Convention:
     def fits(self, headers: Iterable[str], stem: str, title: str = "") -> bool:
         """Whether a table with these headers, in a file of that name, is of the format."""
         text = "\n".join(["", *headers, ""])
-        return (
-            self.above in title
-            and all(_find_mark(mark, text) for mark in self.marks)
-            and bool(re.search(self.file, stem, re.IGNORECASE))
+        found = (
+            f"\n{name}\n" in text  # ^name$, which costs no compiling
+            if (name := mark[1:-1]).isidentifier()
+            else re.search(mark, text, re.MULTILINE)
+            for mark in self.marks
         )
-
-
-def _find_mark(mark: str, text: str) -> bool:
-    """Whether an expression finds anything in lines; a name alone is looked for as it is."""
-    if (name := mark[1:-1]).isidentifier():  # ^name$, which costs no compiling
-        return f"\n{name}\n" in text
-    return re.search(mark, text, re.MULTILINE) is not None
+        return self.above in title and all(found) and bool(re.search(self.file, stem, re.I))
 
 
 CORRECTED = "MAG of ArduPilot, already corrected by the autopilot; read its own log (.bin)"
-_OFFSETS = {"MagX", "OfsX", "MOX"}
+OFFSETS = {"MagX", "OfsX", "MOX"}
 """Columns of the message MAG: its field has had the offsets added, and the motor term."""
 
 _CORRECTED = re.compile(
@@ -83,12 +78,8 @@ def list_conventions() -> tuple[Convention, ...]:
 def apply_conventions(
     found: Identified, headers: Iterable[str], stem: str
 ) -> tuple[Identified, tuple[str, ...]]:
-    """The columns, with the units that the format of the table documents; and notes.
-
-    `stem` is the name of the file without its ending, which tells what bare x, y and z are.
-
-    Raises `LogError` where it says that they are of another sensor.
-    """
+    """The columns, with the units that the format of the table documents; and notes. `stem` is the
+    name of the file without its ending, which tells what bare x, y and z are."""
     headers = list(headers)
     _refuse_other_sensor(found, stem)
     known = [one for one in list_conventions() if one.units and one.fits(headers, stem)]
@@ -103,14 +94,7 @@ def apply_conventions(
                 return replace(column, unit=one.units[quantity.column], documented=one.name)
         return column
 
-    completed = {
-        quantity: {
-            sensor: {axis: complete(column) for axis, column in axes.items()}
-            for sensor, axes in groups.items()
-        }
-        for quantity, groups in found.items()
-    }
-    return completed, tuple(
+    return map_columns(found, complete), tuple(
         f"{', '.join(dict.fromkeys(names))}: units as {format} documents"
         for format, names in used.items()
     )
@@ -118,18 +102,12 @@ def apply_conventions(
 
 def name_documented(headers: Sequence[str], title: str = "") -> list[str]:
     """The headers, those by canonical names that only the format of the table tells, or the lines
-    above it.
-    """
+    above it."""
     known: dict[str, str] = {}
     for convention in list_conventions():
         if convention.columns and convention.fits(headers, "", title):
             known |= convention.columns
     return [known.get(header, header) for header in headers]
-
-
-def find_correction(headers: Iterable[str]) -> tuple[str, ...]:
-    """`CORRECTED` where the format of the table holds readings that are, else nothing."""
-    return (CORRECTED,) if _OFFSETS.issubset(headers) else ()
 
 
 def is_corrected(axes: Mapping[str, Column]) -> bool:

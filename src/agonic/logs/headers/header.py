@@ -26,11 +26,9 @@ from agonic.units import find_unit
 @dataclass(frozen=True, kw_only=True)
 class Column:
     """A column that was understood: `header` as written, its quantity, axis, sensor and unit.
-
     `unit` is `None` where the header does not say; for the field it is one of `agonic.units`.
     `rank` is `PREFERRED`, `CANONICAL`, `ALIAS`, `FALLBACK` or `LAST`; the lowest is taken.
-    `documented` is the format whose documents give the unit, where the header itself does not.
-    """
+    `documented` is the format whose documents give the unit, where the header itself does not."""
 
     header: str
     quantity: Quantity
@@ -188,6 +186,12 @@ def _identify_with_sensor(
             rank = spelled.PREFERRED
         return replace(column, sensor=f"{sensor}{column.sensor}", rank=rank)
     return None
+
+
+def name_quantity(header: str) -> str:
+    """The quantity that a header names; "" where it is none."""
+    column = identify_column(header)
+    return "" if column is None else column.quantity.column
 
 
 def is_unit(text: str) -> bool:

@@ -15,6 +15,7 @@ import tomllib
 import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +36,9 @@ def _spell(units: str | Mapping[str, Any]) -> dict[str, Linear]:
 
 
 TIMES = _spell("time")
-# fmt: off
-FIELD_UNITS = (
-    "nt", "nanotesla", "gamma", "ut", "microtesla", "mt", "millitesla", "t", "tesla", "g", "gs",
-    "gauss", "ga", "microt", "utesla", "au", "mg", "mgauss", "milligauss", "mga", "mgs",
-    "raw", "counts", "count", "lsb",
-)
-# fmt: on
+PARTS: Mapping[str, str] = {**DOCUMENT["parts"]["date"], **DOCUMENT["parts"]["time"]}
+"""The parts of a moment, and what their columns are called."""
+FIELD_UNITS = tuple(DOCUMENT["headers"]["field_units"].split())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +54,7 @@ class Quantity:
     preferred: str = ""
     units: Mapping[str, Linear] = field(default_factory=dict)
     axes: str = ""
+    range: tuple[float, float] = (-inf, inf)
 
     @property
     def vector(self) -> bool:
@@ -65,8 +63,9 @@ class Quantity:
 
 
 def _make_quantity(row: Mapping[str, Any]) -> Quantity:
-    texts = {part: " ".join(text.split()) for part, text in row.items() if part != "units"}
-    return Quantity(**texts, units=_spell(row.get("units", {})))
+    parts: dict[str, Any] = {part: value for part, value in row.items() if part != "units"}
+    texts = {part: " ".join(v.split()) for part, v in parts.items() if isinstance(v, str)}
+    return Quantity(**{**parts, **texts}, units=_spell(row.get("units", {})))
 
 
 QUANTITIES = tuple(map(_make_quantity, DOCUMENT["quantities"]))
@@ -158,15 +157,7 @@ EPOCH = re.compile(r"epoch(?=\s*[(\[_]\s*(?:ms|us|ns|s)[)\]]?$)", re.IGNORECASE)
 """Unix time with its unit, before local times beside it, whose zones are often wrong (MetaWear)."""
 OF_GPS = {"timegpsweek": "gps_week", "timegpstow": "gps_tow"}
 TOKEN = re.compile(r"[A-Z]?[a-z][a-z0-9]*|[A-Z][A-Z0-9]*(?![a-z])|\d+|[^\W_]+")
-NO_READING = frozenset(
-    """
-    bias offset std stdev sigma cov covariance var variance err error residual fit fitted cal calib
-    calibrated corrected comp compensated norm total mean avg average median delta diff ref
-    reference expected model igrf wmm truth true target desired setpoint sp accuracy drift noise
-    scale gain max min abs eci ecef ned nec enu lvlh hard soft moment dipole torque pos position vel
-    velocity speed mtq earth d
-    """.split()  # noqa: SIM905
-)
+NO_READING = frozenset(DOCUMENT["headers"]["no_reading"].split())
 """Words before a name that say that the column is not what a sensor reads."""
 IDLE = frozenset(_BEFORE.split("|")) | {"topic", "stamped", "buffer", "values", "log"}
 TESLA = ("nT", "uT", "mT", "T", "G", "mG")
@@ -199,13 +190,10 @@ _ENGLISH: dict[str, str] = {
 }
 _IDEOGRAMS = {word: ours for word, ours in _ENGLISH.items() if ord(word[0]) > 0x2E80}
 _IDEOGRAM = _either(_IDEOGRAMS)
-_PAIRS = {
-    ("магн", "поле"), ("магнитное", "поле"), ("магнитная", "индукция"), ("угловая", "скорость"),
-    ("champ", "magnétique"), ("campo", "magnético"), ("campo", "magnetico"),
-    ("magnetisch", "veld"), ("pole", "magnetyczne"), ("manyetik", "alan"),
-    ("vitesse", "angulaire"), ("velocidad", "angular"),
-}  # fmt: skip
-_PAIR = re.compile("|".join(rf"\b{a}\.?\s+{b}\b" for a, b in sorted(_PAIRS)), re.IGNORECASE)
+_PAIR = re.compile(
+    "|".join(rf"\b{a}\.?\s+{b}\b" for a, b in sorted(map(str.split, DOCUMENT["headers"]["pairs"]))),
+    re.IGNORECASE,
+)
 ZONE = re.compile(r"[\s,;_(\[]*(?:UTC|GMT)\s*([+-])(\d{1,2})(?::?(\d\d))?[\s)\]]*$")
 """How the header of a time names its zone: `Date Time, GMT+03:00`."""
 _WORD = re.compile(r"[^\W\d_]+")

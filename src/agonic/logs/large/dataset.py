@@ -8,15 +8,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
+from agonic.arrays import Index
 from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import Identified, identify_columns
-from agonic.logs.headers.header import Column, identify_column
+from agonic.logs.headers.header import Column, name_quantity
 from agonic.logs.headers.quantities import squash
+from agonic.logs.log import Table
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
 
@@ -71,6 +76,7 @@ SENSOR_COLUMNS = frozenset(
 do not count."""
 
 NUMBERS = ("TINYINT", "SMALLINT", "INTEGER", "BIGINT", "FLOAT", "DOUBLE", "DECIMAL", "U", "HUGE")
+_BATCH = 50_000  # rows
 _SUFFIXES = (".parquet", ".parq", ".pq")
 
 
@@ -112,8 +118,13 @@ class Dataset:
     @cached_property
     def found(self) -> Identified:
         """The columns that are understood, the one that names the sensor apart."""
-        headers = [header for header in self.columns if header != self.sensor]
-        return identify_columns(header for header in headers if self._keeps(header))
+        return identify_columns(
+            header
+            for header, kind in self.columns.items()
+            if header != self.sensor
+            and (quantity := name_quantity(header))
+            and (quantity != "field" or kind.startswith(NUMBERS))
+        )
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -152,12 +163,6 @@ class Dataset:
         lines = (f"{hash_file(Path(f))}  {os.path.relpath(f, self.path)}\n" for f in self.files)
         return hashlib.sha256("".join(lines).encode()).hexdigest()
 
-    def _keeps(self, header: str) -> bool:
-        column, kind = identify_column(header), self.columns[header]
-        if column is None:
-            return False
-        return column.quantity.column != "field" or kind.startswith(NUMBERS)
-
     def _unit(self, columns: dict[str, Column]) -> str:
         units = {column.unit for column in columns.values()}
         if len(units) > 1:
@@ -178,19 +183,10 @@ def find_dataset(
     unit: str | None = None,
     files: Sequence[str] | None = None,
 ) -> Dataset | None:
-    """The dataset that a Parquet file or a folder of them is; None where it is none.
-
-    Parameters
-    ----------
-    path : a file, or a folder with all that is below; keys in the names of folders (`sensor=17/`)
-        are columns.
-    sensor_column : the column that tells sensors apart; without, one of `SENSOR_COLUMNS`.
-    unit : of the field where no column names one.
-    files : those of the folder that are its parts; without, all tables that are below.
-
-    Raises `LogError` where a column was named that is not there, `AgonicError` where two could be
-    meant.
-    """
+    """The dataset that a Parquet file or a folder of them is; None where it is none. A folder is
+    read with all that is below, or its `files`; keys in the names of folders (`sensor=17/`) are
+    columns. `sensor_column` tells sensors apart; without, one of `SENSOR_COLUMNS`. `unit` is that
+    of the field where no column names one."""
     path = Path(path)
     readable, damaged = _readable(_parquet_files(path) if files is None else sorted(files))
     if not readable:
@@ -206,10 +202,7 @@ def find_dataset(
 
 
 def drop_damaged(dataset: Dataset) -> Dataset:
-    """The dataset without those of its files that cannot be read to their end.
-
-    Raises `LogError` where none is left.
-    """
+    """The dataset without those of its files that cannot be read to their end."""
     damaged = list(dataset.damaged)
     with connect() as db:
         for file in dataset.files:
@@ -284,6 +277,65 @@ def _sensor_column(columns: dict[str, str], given: str | None, path: Path) -> st
             "(--sensor-column)"
         )
     return found[0] if found else None
+
+
+def select_clock(dataset: Dataset) -> str:
+    """The SQL of a number that grows with time: of the clock, or else the row's place in its file.
+    It is in seconds, but for a numeric column, which is taken as it is."""
+    column = dataset.column("time")
+    if column is None:
+        return "file_row_number::double"
+    kind = dataset.columns[column.header]
+    if kind.startswith(NUMBERS):
+        return f"{quote(column.header)}::double"
+    if kind.startswith(("TIMESTAMP", "DATE")):
+        return f"epoch({quote(column.header)})"
+    return f"epoch(try_cast({quote(column.header)} as timestamptz))"
+
+
+def read_tables(db: Any, dataset: Dataset, ids: Index) -> Iterator[tuple[int, Table]]:
+    """The id of each of these sensors that `summed` listed, with its rows as a table, in its order.
+    All columns that are understood, in order of time. DuckDB sorts the rows, on disk where they are
+    more than its memory, so that one sensor at a time is held here."""
+    import pyarrow as pa
+
+    db.register("wanted", pa.table({"id": np.asarray(ids, dtype=np.int64)}))
+    db.execute("create or replace temp table chosen as select * from wanted")
+    db.unregister("wanted")
+    columns = ", ".join(f"{quote(header)} as c{k}" for k, header in enumerate(dataset.headers))
+    rows = (
+        f"select {quote(dataset.sensor)} as sensor, {select_clock(dataset)} as t, filename, "
+        f"file_row_number, {columns} from {select_table(dataset.files)}"
+    )
+    kept = ", ".join(f"c{k}" for k in range(len(dataset.headers)))
+    query = (
+        f"select id, {kept} from ({rows}) join sensors using (sensor) join chosen using (id) "
+        "order by id, t, filename, file_row_number"
+    )
+    gathered: list[Any] = []
+    for batch in db.sql(query).to_arrow_reader(_BATCH):
+        edges = np.flatnonzero(np.diff(batch.column(0).to_numpy())) + 1
+        for start, stop in pairwise([0, *edges.tolist(), batch.num_rows]):
+            part = batch.slice(start, stop - start)
+            if gathered and gathered[-1].column(0)[0] != part.column(0)[0]:
+                yield _join(gathered, dataset.headers)
+                gathered = []
+            gathered.append(part)
+    if gathered:
+        yield _join(gathered, dataset.headers)
+
+
+def _join(parts: list[Any], headers: tuple[str, ...]) -> tuple[int, Table]:
+    """The pieces of one sensor as a table; decimals as numbers."""
+    import pyarrow as pa
+
+    joined = pa.Table.from_batches(parts)
+    columns = {}
+    for k, header in enumerate(headers):
+        column = joined.column(k + 1)
+        decimal = pa.types.is_decimal(column.type)
+        columns[header] = np.asarray((column.cast(pa.float64()) if decimal else column).to_numpy())
+    return int(joined.column(0)[0].as_py()), columns
 
 
 def _first_line(error: Exception) -> str:

@@ -17,7 +17,7 @@ from agonic.arrays import Array
 from agonic.health.mounting import NEAR_GRAVITY, UPRIGHT_SD
 from agonic.logs.clocks.clock import UNIX_SECONDS
 from agonic.logs.headers.header import Column
-from agonic.logs.large.dataset import NUMBERS, Channel, Dataset, quote, select_table
+from agonic.logs.large.dataset import NUMBERS, Channel, Dataset, quote, select_clock, select_table
 from agonic.maths.equation.moments import EXPONENTS
 
 
@@ -54,11 +54,9 @@ class Grouped:
 
 
 def sum_moments(db: Any, dataset: Dataset, channel: Channel) -> Grouped:
-    """The sums of each sensor's readings, in order of the sensors' names.
-
-    Leaves the table `sensors` in the database `db`: id (0…n−1), sensor, count, centre, scale,
-    ends of the ranges, and the clock's first and last, for what is asked further.
-    """
+    """The sums of each sensor's readings, in order of the sensors' names. Leaves the table
+    `sensors` in the database `db`: id (0…n−1), sensor, count, centre, scale, ends of the ranges,
+    and the clock's first and last, for what is asked further."""
     _first_pass(db, dataset, channel)
     known = db.execute("select * from sensors order by id").fetchnumpy()
     count = _whole(known["count"])
@@ -69,6 +67,8 @@ def sum_moments(db: Any, dataset: Dataset, channel: Channel) -> Grouped:
     with np.errstate(invalid="ignore", divide="ignore"):
         spread = _numbers(known["magnitude_sd"]) / magnitude
     centre = np.column_stack([_numbers(known[f"centre_{axis}"]) for axis in "xyz"])
+    warm = dataset.column("temperature")
+    factor, offset = warm.quantity.units[warm.unit] if warm and warm.unit else (1.0, 0.0)
     return Grouped(
         sensors=known["name"].astype(object),
         count=count,
@@ -83,7 +83,7 @@ def sum_moments(db: Any, dataset: Dataset, channel: Channel) -> Grouped:
         spread=spread,
         start=start,
         duration_s=duration,
-        temperature_C=_temperature(_numbers(known["temperature"]), dataset),
+        temperature_C=factor * _numbers(known["temperature"]) + offset,
     )
 
 
@@ -97,22 +97,6 @@ def select_readings(dataset: Dataset, channel: Channel, *more: str) -> str:
         f"(select * from (select {columns} from {select_table(dataset.files)}) "
         f"where {finite} and sensor is not null)"
     )
-
-
-def select_clock(dataset: Dataset) -> str:
-    """The SQL of a number that grows with time: of the clock, or else the row's place in its file.
-
-    It is in seconds, but for a numeric column, which is taken as it is.
-    """
-    column = dataset.column("time")
-    if column is None:
-        return "file_row_number::double"
-    kind = dataset.columns[column.header]
-    if kind.startswith(NUMBERS):
-        return f"{quote(column.header)}::double"
-    if kind.startswith(("TIMESTAMP", "DATE")):
-        return f"epoch({quote(column.header)})"
-    return f"epoch(try_cast({quote(column.header)} as timestamptz))"
 
 
 def _first_pass(db: Any, dataset: Dataset, channel: Channel) -> None:
@@ -217,12 +201,6 @@ def _per_second(column: Column, first: Array, dataset: Dataset) -> float:
     return 1.0
 
 
-def _temperature(values: Array, dataset: Dataset) -> Array:
-    column = dataset.column("temperature")
-    factor, offset = column.quantity.units[column.unit] if column and column.unit else (1.0, 0.0)
-    return np.asarray(factor * values + offset)
-
-
 def _numbers(column: Any) -> Array:
     """A column as float64, NaN where it is null."""
     return np.asarray(np.ma.filled(np.ma.asarray(column, dtype=np.float64), np.nan))
@@ -264,10 +242,8 @@ def sum_residuals(
     db: Any, dataset: Dataset, channel: Channel, bias: Array, matrix: Array, magnitude: Array
 ) -> GroupedResiduals:
     """The residuals of sensors that `summed` listed; 0 for those whose calibration is NaN.
-
     Parameters: bias (n, 3), matrix (n, 3, 3) symmetric or not, magnitude (n,) in the unit of the
-    result.
-    """
+    result."""
     import pyarrow as pa
 
     n = len(magnitude)

@@ -25,6 +25,7 @@ from agonic.logs.clocks.clock import read_clock
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.quantities import LAST
+from agonic.logs.log import Log, Table
 from agonic.logs.read import open_log
 from agonic.logs.remote import Remote, locate, name_locally
 from agonic.logs.rows.beside import AUXILIARY
@@ -75,11 +76,9 @@ class Layout:
 
 
 def find_layout(table: Mapping[str, Column], head: Samples, unit: str | None) -> Layout | None:
-    """The layout of a file whose first rows are a table, read as `head` with the unit given.
-
-    None where the columns need more than a factor and a steady clock: several sensors in one
-    table, dates in texts, a clock that stands still.
-    """
+    """The layout of a file whose first rows are a table, read as `head` with the unit given. None
+    where the columns need more than a factor and a steady clock: several sensors in one table,
+    dates in texts, a clock that stands still."""
     found = identify_columns(table)
     axes = found["field"].get(head.name.removeprefix("mag"))
     times = found.get("time", {})
@@ -121,19 +120,12 @@ def _numbers(stored: Column) -> Column:
 
 
 def sweep(path: Path | Remote, of: Layout, size: int) -> Iterator[Strip]:
-    """The strips of a Parquet file; rows that are not finite, or whose time does not increase, are
-    left out and counted."""
-    time = of.time
-    last = -np.inf
-    for table in parquet.read_ahead(path, size, [*of.axes, *([time] if time else [])]):
+    """The strips of a Parquet file, with all their rows."""
+    time = [] if of.time is None else [of.time]
+    for table in parquet.read_ahead(path, size, [*of.axes, *time]):
         x, y, z = (table[header] for header in of.axes)
-        seconds = None
-        if time is not None:
-            seconds = (_numbers(table[time]) - of.first) * of.scale + of.begun
-        strip = keep_usable(Strip((x, y, z), of.factor, seconds, {}), last)
-        if strip.time is not None and len(strip):
-            last = float(strip.time[-1])
-        yield strip
+        seconds = [(_numbers(table[one]) - of.first) * of.scale + of.begun for one in time]
+        yield Strip((x, y, z), of.factor, next(iter(seconds), None), {})
 
 
 def keep_usable(strip: Strip, last: float) -> Strip:
@@ -184,12 +176,8 @@ class Mission:
     strip: int = STRIP
 
     def pieces(self, without: tuple[str, ...] = ()) -> Iterator[Samples]:
-        """The readings in order of time, piece by piece, times counted from one epoch.
-
-        Parameters: `without`, columns of `Samples` that are not needed and not read.
-
-        Raises `LogError` where the files do not follow each other in time.
-        """
+        """The readings in order of time, piece by piece, times counted from one epoch. Parameters:
+        `without`, columns of `Samples` that are not needed and not read."""
         epoch, last = self.epoch, None
         for path, source in zip(self.files, self.inputs, strict=True):
             for samples in self._of_file(path, source, without):
@@ -218,20 +206,11 @@ class Mission:
         label = identify_columns(table).get("sensor", {}).get("", {}).get("")
         if label is not None and label.rank != LAST:
             return ()
-        log = build_log(
-            table,
-            path=name_locally(path),
-            source=self.inputs[0],
-            format="Parquet table",
-            unit=self.unit,
-        )
+        log = self._build_log(table, path, self.inputs[0])
         return tuple(samples.name for samples in log.sensors)
 
     def strips(self) -> Iterator[Strip]:
-        """The readings alone, in order of time, as few operations a row as there can be.
-
-        Raises `LogError` where the files do not follow each other in time.
-        """
+        """The readings alone, in order of time, as few operations a row as there can be."""
         epoch, last = self.epoch, -np.inf
         for path, source in zip(self.files, self.inputs, strict=True):
             head = self._head(path, source)
@@ -252,20 +231,24 @@ class Mission:
     def _strips_of_file(
         self, path: Path | Remote, source: Input, head: Samples, shift: float
     ) -> Iterator[Strip]:
+        """Its strips, without rows that are not finite or whose time does not increase."""
         of = None
         if _is_parquet(path):
             of = find_layout(next(parquet.read_batches(path, _HEAD)), head, self.unit)
         if of is not None:
-            yield from sweep(path, replace(of, begun=of.begun + shift), self.strip)
-            return
+            whole = sweep(path, replace(of, begun=of.begun + shift), self.strip)
+        else:
+            whole = (
+                Strip((x, y, z), 1.0, None if one.time is None else one.time + shift, one.rejected)
+                for one in self._of_file(path, source, AUXILIARY)
+                for x, y, z in [one.field.T]
+            )
         last = -np.inf
-        for samples in self._of_file(path, source, AUXILIARY):
-            time = None if samples.time is None else samples.time + shift
-            x, y, z = samples.field.T
-            strip = keep_usable(Strip((x, y, z), 1.0, time, samples.rejected), last)
-            if strip.time is not None and len(strip):
-                last = float(strip.time[-1])
-            yield strip
+        for strip in whole:
+            usable = keep_usable(strip, last)
+            if usable.time is not None and len(usable):
+                last = float(usable.time[-1])
+            yield usable
 
     def _of_file(
         self, path: Path | Remote, source: Input, without: tuple[str, ...]
@@ -278,14 +261,12 @@ class Mission:
                 yield whole.select(rows[start : start + self.piece])
             return
         for table in parquet.read_batches(path, self.piece, without):
-            log = build_log(
-                table,
-                path=name_locally(path),
-                source=source,
-                format="Parquet table",
-                unit=self.unit,
-            )
-            yield log.sensor(chosen)
+            yield self._build_log(table, path, source).sensor(chosen)
+
+    def _build_log(self, table: Table, path: Path | Remote, source: Input) -> Log:
+        """The log of some rows of a Parquet table."""
+        here = name_locally(path)
+        return build_log(table, path=here, source=source, format="Parquet table", unit=self.unit)
 
 
 def open_mission(
@@ -326,28 +307,26 @@ def open_mission(
     missing = [file for file in files if not file.is_file()]
     if missing:
         raise LogError("there is no such file", path=str(missing[0]))
-    counts = [
-        (parquet.count_rows(file) if _is_parquet(file) else len(open_log(file).sensors[0]))
-        for file in files
-    ]
-    inputs = tuple(
-        Input(
-            name=file.name,
-            sha256=file.hash() if isinstance(file, Remote) else hash_file(file),
-            count=count,
-        )
-        for file, count in zip(files, counts, strict=True)
-    )
-    epoch = None if date is None else parse_date(date)
+    inputs = []
+    for file in files:
+        whole = None if _is_parquet(file) else open_log(file).sensors[0]
+        count = parquet.count_rows(file) if whole is None else len(whole)
+        sha256 = file.hash() if isinstance(file, Remote) else hash_file(file)
+        inputs.append(Input(name=file.name, sha256=sha256, count=count))
     return Mission(
         files=files,
-        inputs=inputs,
-        rows=sum(counts),
+        inputs=tuple(inputs),
+        rows=sum(one.count for one in inputs),
         sensor=sensor,
         unit=unit,
-        epoch=epoch,
+        epoch=None if date is None else parse_date(date),
         piece=piece,
     )
+
+
+def _is_parquet(path: Path | Remote) -> bool:
+    with path.open("rb") as stream:
+        return PARQUET.accepts(stream.read(4))
 
 
 def _out_of_order(path: Path | Remote) -> LogError:
@@ -364,11 +343,6 @@ def is_long(paths: Sequence[Path | Remote], rows: int | None = None) -> bool:
         return True
     path = locate(paths[0])
     return path.is_file() and _is_parquet(path) and parquet.count_rows(path) > most
-
-
-def _is_parquet(path: Path | Remote) -> bool:
-    with path.open("rb") as stream:
-        return PARQUET.accepts(stream.read(4))
 
 
 def _count_from(samples: Samples, epoch: datetime | None, *, given: bool) -> Samples:

@@ -49,10 +49,8 @@ _LONGEST_RUN_US = 1e14  # three years; what lies above is damage
 
 def list_tracks(topics: Topics, time: Array, rotation_bm: Rotation | None) -> Iterator[Track]:
     """Attitude, motion, power and place, as recorded beside a magnetometer with these times.
-
     Acceleration and rotation rate are logged in body axes; they are turned into those of the
-    magnetometer, and left out where the turn is not known.
-    """
+    magnetometer, and left out where the turn is not known."""
 
     def track(name: str, topic: Topic, values: Array) -> Track:
         return Track(name, read_time_s(topic), values, time)
@@ -86,10 +84,8 @@ def list_tracks(topics: Topics, time: Array, rotation_bm: Rotation | None) -> It
 
 def list_headings(topics: Topics) -> Iterator[Candidate]:
     """What tells a heading without a magnetometer: a GPS with two antennas, the yaw by velocities.
-
     `heading` of the GPS is NaN where there is none; `heading_accuracy` its sd, rad. The composite
-    yaw of `yaw_estimator_status` counts where `yaw_composite_valid` says so.
-    """
+    yaw of `yaw_estimator_status` counts where `yaw_composite_valid` says so."""
     for name in GPS:
         topic = topics.get(name, {})
         if "heading" not in topic or not np.isfinite(topic["heading"]).any():
@@ -108,11 +104,8 @@ def list_headings(topics: Topics) -> Iterator[Candidate]:
 
 
 def _list_disturbers(topics: Topics) -> Iterator[tuple[str, Topic, Array]]:
-    """What may disturb a compass beside the batteries, by name.
-
-    Motors by their command 0…1 (older logs: by their pulse of 1…2 ms), speed controllers by their
-    current.
-    """
+    """What may disturb a compass beside the batteries, by name. Motors by their command 0…1 (older
+    logs: by their pulse of 1…2 ms), speed controllers by their current."""
     motors, outputs = topics.get(MOTORS, {}), topics.get(OUTPUTS, {})
     controllers = topics.get(SPEED_CONTROLLERS, {})
     commanded = [(f"motor{k + 1}_duty", motors, f"control[{k}]", (1.0, 0.0)) for k in range(12)]
@@ -189,10 +182,8 @@ def find_utc_of_boot(topics: Topics) -> datetime | None:
 
 
 def compute_euler_deg(quat_wxyz: ArrayLike) -> tuple[Array, Array, Array]:
-    """Roll, pitch, heading in degrees, (n,) each, of q (n, 4) from body to north-east-down.
-
-    heading 0…360, of the yaw-pitch-roll sequence; q may have any length but zero.
-    """
+    """Roll, pitch, heading in degrees, (n,) each, of q (n, 4) from body to north-east-down. heading
+    0…360, of the yaw-pitch-roll sequence; q may have any length but zero."""
     q = np.asarray(quat_wxyz, dtype=np.float64)
     w, x, y, z = (q / np.linalg.norm(q, axis=-1, keepdims=True)).T
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))

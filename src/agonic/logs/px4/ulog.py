@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import explain_damage
-from agonic.logs.log import Log, Readings, Stream
+from agonic.logs.log import Facts, Log, Readings, Stream
 from agonic.logs.px4.topics import (
     BESIDE,
     Topic,
@@ -54,10 +54,8 @@ def remove_correction(
     external: bool,
 ) -> Readings:
     """Take out of the readings (n, 3) of one sensor, nT, what the vehicle had done to them.
-
     `in_body` tells a corrected topic, in body axes, from `sensor_mag`; `device_id` names the
-    sensor, `None` the primary one; `external` is true for a sensor that is not on the board.
-    """
+    sensor, `None` the primary one; `external` is true for a sensor that is not on the board."""
     wanted = int(read_number(parameters, PRIMARY)) if device_id is None else device_id
     # parameters are signed, device ids in topics are not
     slot = next(
@@ -101,20 +99,16 @@ def read_correction(parameters: Parameters, slot: str) -> Logged | None:
 
 
 def is_corrected_by_driver(parameters: Parameters) -> bool:
-    """Whether `sensor_mag` carries the correction already.
-
-    Up to v1.11 the drivers applied it (src/lib/drivers/magnetometer/PX4Magnetometer.cpp there).
-    Such logs name a primary magnetometer and know no off-diagonals; later ones the reverse.
-    """
+    """Whether `sensor_mag` carries the correction already. Up to v1.11 the drivers applied it
+    (src/lib/drivers/magnetometer/PX4Magnetometer.cpp there). Such logs name a primary magnetometer
+    and know no off-diagonals; later ones the reverse."""
     off_diagonal = any(f"{slot}_XODIAG" in parameters for slot in SLOTS)
     return PRIMARY in parameters and not off_diagonal
 
 
 def read_mounting(parameters: Parameters, slot: str | None, external: bool) -> Rotation | None:
     """The rotation from sensor to body axes where it is no more than the levelling of the board.
-
-    Larger turns are in the log as a mere number; they give `None`.
-    """
+    Larger turns are in the log as a mere number; they give `None`."""
     own = read_number(parameters, f"{slot}_ROT", -1.0) if slot else 0.0 if external else -1.0
     if (read_number(parameters, "SENS_BOARD_ROT") if own < 0 else own) != 0:
         return None
@@ -142,10 +136,8 @@ _NO_NEW_READING = 0x7FFFFFFF  # as magnetometer_timestamp_relative
 
 
 def read(path: Path, source: Input) -> Log:
-    """The magnetometers of a PX4 log with all that was recorded beside them.
-
-    Topics that have no bearing on a magnetometer are neither decoded nor listed.
-    """
+    """The magnetometers of a PX4 log with all that was recorded beside them. Topics that have no
+    bearing on a magnetometer are neither decoded nor listed."""
     ulog = _parse(path)
     topics = {f"{d.name}[{d.multi_id}]": d.data for d in ulog.data_list if "timestamp" in d.data}
     names = _find_magnetometers(topics)
@@ -162,20 +154,10 @@ def read(path: Path, source: Input) -> Log:
             "log sensor_mag and record again",
             path=path,
         )
-    return Log(
-        path=path,
-        format="PX4 ULog",
-        source=source,
-        sensors=tuple(sensors),
-        stack="px4",
-        streams=tuple(
-            Stream.at(name, len(time), time)
-            for name, topic in sorted(topics.items())
-            if name not in names
-            for time in [read_time_s(topic)]
-        ),
-        notes=(*_notes(ulog), *left_out),
-    )
+    others = {name: read_time_s(topics[name]) for name in sorted(topics) if name not in names}
+    streams = [Stream.at(name, len(time), time) for name, time in others.items()]
+    facts = Facts(path=path, source=source, format="PX4 ULog")
+    return Log.of(facts, sensors, streams, (*_notes(ulog), *left_out), "px4")
 
 
 def _parse(path: Path) -> Any:
@@ -260,10 +242,8 @@ def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Inp
 
 
 def _select_readings(topic: Topic) -> tuple[Topic, Array, int]:
-    """The new readings of one device, their times in seconds, and how many times made no sense.
-
-    An instance may change hands between devices: the one with most readings is taken.
-    """
+    """The new readings of one device, their times in seconds, and how many times made no sense. An
+    instance may change hands between devices: the one with most readings is taken."""
     time, rows = read_time_s(topic), np.arange(len(topic["timestamp"]))
     if "device_id" in topic:
         devices, counts = np.unique(topic["device_id"], return_counts=True)

@@ -28,7 +28,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.contents import explain_damage
 from agonic.logs.groups import build_groups_log
-from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.header import name_quantity
 from agonic.logs.log import Facts, Log, Stream
 from agonic.provenance import Input
 from agonic.samples import Samples
@@ -133,17 +133,14 @@ TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 def find_reader(topic: str, kind: str) -> Callable[[Any], Row] | None:
     """What reads the messages of a topic; a plain vector where a magnetometer is named."""
-    column = identify_column(f"{topic}/x")
-    if kind == VECTOR and column is not None and column.quantity.column == "field":
+    if kind == VECTOR and name_quantity(f"{topic}/x") == "field":
         return lambda message: _vector("mag", message.vector)
     return READERS.get(kind)
 
 
 def make_table(rows: Iterable[Row]) -> dict[str, Array]:
-    """The rows as columns, NaN where a message does not say; without what is the same in all.
-
-    An orientation that never changes is one that nobody filled in.
-    """
+    """The rows as columns, NaN where a message does not say; without what is the same in all. An
+    orientation that never changes is one that nobody filled in."""
     every = list(rows)
     names = dict.fromkeys(name for row in every for name in row)
     table = {name: np.array([row.get(name, np.nan) for row in every]) for name in names}
@@ -184,10 +181,10 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         raise LogError(
             f"no topic of sensor_msgs/MagneticField in it ({there}); record one, such as /imu/mag"
         )
+    facts = Facts(path=path, source=source, format="ROS bag", unit=unit)
     sensors: list[Samples] = []
     failures: list[str] = []
     for topic in fields:
-        facts = Facts(path=path, source=source, format="ROS bag", unit=unit)
         try:
             sensors += _read_sensor(topic, tables, contents, facts)
         except LogError as error:
@@ -195,14 +192,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     if not sensors:
         raise LogError("; ".join(failures[:3]))
     damaged = (f"{contents.damaged} messages could not be read",) * (contents.damaged > 0)
-    return Log(
-        path=path,
-        format="ROS bag",
-        source=source,
-        sensors=tuple(sensors),
-        streams=tuple(s for s in contents.streams if s.name not in fields),
-        notes=(*damaged, *failures),
-    )
+    streams = [s for s in contents.streams if s.name not in fields]
+    return Log.of(facts, sensors, streams, (*damaged, *failures))
 
 
 @contextmanager

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError, UnitError
-from agonic.logs.headers.columns import Identified
+from agonic.logs.contents import to_number
+from agonic.logs.headers.columns import Identified, map_columns
 from agonic.logs.headers.header import Column
 from agonic.logs.headers.quantities import FALLBACK, Linear
 from agonic.logs.log import Table
@@ -27,22 +28,6 @@ from agonic.units import RAW, STANDARD_GRAVITY_M_S2, find_unit, nanotesla_per
 
 ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 PERIODS_DEG = dict.fromkeys((*ATTITUDE, "longitude_deg"), 360.0)
-RANGES: dict[str, tuple[float, float]] = {
-    "temperature": (-150.0, 250.0),
-    "throttle": (-0.01, 1.01),
-    "latitude_deg": (-90.0, 90.0),
-    "longitude_deg": (-180.0, 360.0),
-    "altitude_m": (-1e5, 1e10),
-    "acceleration": (-1e6, 1e6),
-    "rotation_rate": (-1e6, 1e6),
-    "current_A": (-1e7, 1e7),
-    "roll_deg": (-1e5, 1e5),
-    "pitch_deg": (-1e5, 1e5),
-    "heading_deg": (-1e7, 1e7),
-    "scalar": (-1e15, 1e15),
-}
-"""Outside these a cell does not hold what its column is named for."""
-
 _SLOW = ("temperature", "latitude_deg", "longitude_deg", "altitude_m")
 _REACH_S = dict.fromkeys(_SLOW, 60.0)
 SHORT_REACH_S = 0.5
@@ -67,9 +52,7 @@ def find_finite_rows(values: Array) -> Mask:
 
 def find_reach(column: str, known: Array) -> float:
     """How far, s, neighbours recorded at `known` times may be from a row that is filled from them.
-
-    A scalar instrument measures at a pace of its own; what joins its readings is that pace.
-    """
+    A scalar instrument measures at a pace of its own; what joins its readings is that pace."""
     if column == "scalar" and len(known) > 1:
         return max(_JOINED * median(np.diff(known)), SHORT_REACH_S)
     return _REACH_S.get(column, SHORT_REACH_S)
@@ -81,18 +64,13 @@ _GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVI
 
 def to_numbers(values: NDArray[Any]) -> Array:
     """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees."""
-    if values.dtype.kind in "OUS":
-        return np.array([_number(str(value)) for value in values], dtype=np.float64)
-    return np.asarray(values, dtype=np.float64)
-
-
-def _number(text: str) -> float:
-    plain = text.strip().strip("\"'")
-    try:
-        size = sum(abs(float(part)) / 60.0**i for i, part in enumerate(plain.split(":")))
-    except ValueError:
-        return np.nan
-    return -size if plain.startswith("-") else size
+    if values.dtype.kind not in "OUS":
+        return np.asarray(values, dtype=np.float64)
+    numbers = []
+    for plain in (str(value).strip().strip("\"'") for value in values):
+        size = sum(abs(to_number(part)) / 60.0**i for i, part in enumerate(plain.split(":")))
+        numbers.append(-size if plain.startswith("-") else size)
+    return np.array(numbers, dtype=np.float64)
 
 
 def number_labels(values: NDArray[Any]) -> Array:
@@ -113,15 +91,9 @@ def set_angle_unit(found: Identified, table: Table) -> Identified:
     unnamed = [to_numbers(table[column.header]) for column in attitude if column.unit is None]
     if not any((np.abs(values) > 2 * np.pi).any() for values in unnamed):
         return found
-    degrees = {
-        name: {
-            sensor: {"": replace(axes[""], unit=axes[""].unit or "deg")}
-            for sensor, axes in found[name].items()
-        }
-        for name in ATTITUDE
-        if name in found
-    }
-    return {**found, **degrees}
+    return map_columns(
+        found, lambda c: replace(c, unit=c.unit or "deg") if c.quantity.column in ATTITUDE else c
+    )
 
 
 def convert_column(
@@ -132,12 +104,10 @@ def convert_column(
     *,
     keep_holes: bool = False,
 ) -> tuple[Array | None, tuple[str, ...]]:
-    """The values of one quantity in our unit, (n,) or (n, 3), or `None`; and notes on them.
-
-    `axes` are its columns and `values` (n, k) what they hold, in that order; `readings` marks the
-    rows that have a magnetometer reading. With `keep_holes` a column with many holes is not given
-    up: they stay NaN.
-    """
+    """The values of one quantity in our unit, (n,) or (n, 3), or `None`; and notes on them. `axes`
+    are its columns and `values` (n, k) what they hold, in that order; `readings` marks the rows
+    that have a magnetometer reading. With `keep_holes` a column with many holes is not given up:
+    they stay NaN."""
     quantity = next(iter(axes.values())).quantity
     scale, remark = _find_scale(axes, values)
     if scale is None:
@@ -146,7 +116,7 @@ def convert_column(
     ours = values * factor + offset
     if quantity.column == "acceleration" and _find_usual_size(ours) < 0.5 * STANDARD_GRAVITY_M_S2:
         return None, (f"{quantity.name} left out: it is without gravity",)
-    low, high = RANGES.get(quantity.column, (-np.inf, np.inf))
+    low, high = quantity.range
     ours[(ours < low) | (ours > high)] = np.nan
     repeated = ""
     if quantity.column == "scalar" and time is not None:
@@ -158,8 +128,7 @@ def convert_column(
 
 def forget_repeated(values: Array, time: Array) -> tuple[Array, str]:
     """Readings (n, 1) of an instrument that is slower than the log, NaN where a row repeats the one
-    before until the next has come, and a note; as they are where they are no such steps.
-    """
+    before until the next has come, and a note; as they are where they are no such steps."""
     known = np.isfinite(values[:, 0])
     rows = np.flatnonzero(known)
     new = rows[np.r_[True, np.diff(values[rows, 0]) != 0]] if len(rows) else rows
@@ -209,10 +178,8 @@ def _find_usual_size(vectors: Array) -> float:
 def fill_holes(
     column: str, values: Array, time: Array | None, readings: Mask, *, keep_holes: bool = False
 ) -> tuple[Array | None, str]:
-    """The values (n, k) with short holes filled, or `None` where too many would be missing.
-
-    With `keep_holes` they are returned however many are missing.
-    """
+    """The values (n, k) with short holes filled, or `None` where too many would be missing. With
+    `keep_holes` they are returned however many are missing."""
     known = np.asarray(np.isfinite(values).all(axis=1))
     holes = readings & ~known
     if not holes.any():
@@ -264,10 +231,8 @@ _STRONGEST = 1e8
 
 
 def state_unit(found: Identified, table: Table) -> Identified:
-    """The columns, those of the field with the unit that a column of units names, if rows agree.
-
-    A unit that a header names goes before it.
-    """
+    """The columns, those of the field with the unit that a column of units names, if rows agree. A
+    unit that a header names goes before it."""
     column = found.get("unit", {}).get("", {}).get("")
     named = set() if column is None else {str(u).strip() for u in table[column.header]} - {""}
     if len(named) != 1:
@@ -276,11 +241,9 @@ def state_unit(found: Identified, table: Table) -> Identified:
         unit = find_unit(named.pop())
     except UnitError:
         return found
-    fields = {
-        sensor: {a: c if c.unit else replace(c, unit=unit) for a, c in axes.items()}
-        for sensor, axes in found.get("field", {}).items()
-    }
-    return {**found, "field": fields}
+    return map_columns(
+        found, lambda c: replace(c, unit=c.unit or unit) if c.quantity.column == "field" else c
+    )
 
 
 def find_field_unit(

@@ -107,10 +107,8 @@ YAW = "a heading called yaw was taken for the estimate of a filter, which follow
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """The rows of a table that belong to one sensor, with what is known of all of them.
-
-    `rows` are their numbers, in order; `None` where all rows do.
-    """
+    """The rows of a table that belong to one sensor, with what is known of all of them. `rows` are
+    their numbers, in order; `None` where all rows do."""
 
     table: Table
     found: Identified
@@ -138,10 +136,8 @@ class Part:
 
 
 def find_foreign_rows(part: Part, field: Array, readings: Mask) -> Index:
-    """Rows without a reading that hold what the readings' rows lack: another sensor's.
-
-    `readings` (n,) marks the rows of the field (n, 3) that hold one.
-    """
+    """Rows without a reading that hold what the readings' rows lack: another sensor's. `readings`
+    (n,) marks the rows of the field (n, 3) that hold one."""
     if readings.all():
         return np.empty(0, np.int64)
     empty = np.asarray(np.isnan(field).all(axis=1))
@@ -160,10 +156,8 @@ def find_foreign_rows(part: Part, field: Array, readings: Mask) -> Index:
 def read_columns(
     part: Part, number: str, time: Array | None, readings: Mask
 ) -> tuple[dict[str, Any], bool, tuple[str, ...]]:
-    """The columns of a sensor, whether its heading is an estimate, and notes.
-
-    `readings` marks the rows that matter.
-    """
+    """The columns of a sensor, whether its heading is an estimate, and notes. `readings` marks the
+    rows that matter."""
     columns: dict[str, Any] = {}
     estimated = False
     notes: list[str] = []

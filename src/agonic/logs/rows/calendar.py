@@ -7,15 +7,18 @@ IS-GPS-200, sections 3.3.4 and 20.3.3.5.2.4.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import timedelta
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
-from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, Clock, since_first_second
+from agonic.logs.clocks.clock import NO_ZONE, TIMES_OF_DAY, Clock, since_first_second, unwrap
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
+from agonic.logs.headers.quantities import PARTS
 from agonic.logs.log import Table
 from agonic.logs.rows.auxiliary import to_numbers
 from agonic.units import DAY_S
@@ -43,9 +46,7 @@ def find_gps_clock(table: Table, found: Identified) -> Clock:
         if not (weeks[np.isfinite(weeks)] < _ROLLOVER).any():
             return _since_first_week(weeks * _WEEK_S + seconds, notes)
         said = f"date left out: {week.header} counts from a rollover, 1024 weeks on"
-    known = np.isfinite(seconds)
-    seconds[known] = np.unwrap(seconds[known], period=_WEEK_S)
-    return seconds, None, (*notes, said)
+    return unwrap(seconds, _WEEK_S), None, (*notes, said)
 
 
 def _since_first_week(gps: Array, notes: tuple[str, ...]) -> Clock:
@@ -108,33 +109,38 @@ _CENTURY = 2000.0
 
 def read_parts(table: Table, found: Identified) -> Clock:
     """The clock that columns of hours, minutes and seconds are, with the date beside them."""
-    hour, minute = _get(table, found, "hour"), _get(table, found, "minute")
-    if hour is None or minute is None:
+    parts = _take_parts(table, found)
+    if "hour" not in parts or "minute" not in parts:
         return None, None, ()
-    second, part = _get(table, found, "second_of_minute"), _get(table, found, "millisecond")
+    hour, minute = parts["hour"], parts["minute"]
     seconds = 3600.0 * hour + 60.0 * minute
-    seconds += (0.0 if second is None else second) + (0.0 if part is None else part * 1e-3)
+    seconds += parts.get("second_of_minute", 0.0) + parts.get("millisecond", 0.0) * 1e-3
     seconds[~((hour >= 0) & (hour <= 24) & (minute >= 0) & (minute < 60))] = np.nan
-    days = _count_days(table, found)
+    days = _count_days(parts)
     if days is not None:
         return since_first_second(days * DAY_S + seconds, (NO_ZONE,))
-    known = np.isfinite(seconds)
-    seconds[known] = np.unwrap(seconds[known], period=DAY_S)
-    return seconds, None, (f"{TIMES_OF_DAY} without a date",)
+    return unwrap(seconds, DAY_S), None, (f"{TIMES_OF_DAY} without a date",)
 
 
-def _count_days(table: Table, found: Identified) -> Array | None:
-    """Days since 1970 by columns of year and month and day, or day of the year; NaN where none."""
-    year, month = _get(table, found, "year"), _get(table, found, "month")
-    day, of_year = _get(table, found, "day_of_month"), _get(table, found, "day_of_year")
-    if year is None or not ((month is not None and day is not None) or of_year is not None):
+def _take_parts(table: Table, found: Identified) -> dict[str, Any]:
+    """The columns of parts of a moment, (n,) each, by their names."""
+    alone = {part: groups.get("", {}).get("") for part, groups in found.items()}
+    columns = {part: c for part, c in alone.items() if c is not None and part in PARTS}
+    return {part: to_numbers(table[c.header]).astype(np.float64) for part, c in columns.items()}
+
+
+def _count_days(parts: Mapping[str, Any]) -> Array | None:
+    """Days since 1970 by year and month and day, or day of the year; NaN where none."""
+    calendar = {"month", "day_of_month"} <= parts.keys()
+    if "year" not in parts or not (calendar or "day_of_year" in parts):
         return None
-    year = np.where(year < 100, year + _CENTURY, year)
-    if month is None or day is None:
-        month, day = np.ones(len(year)), np.asarray(of_year)
-        known = (day >= 1) & (day < 367)
-    else:
+    year = np.where(parts["year"] < 100, parts["year"] + _CENTURY, parts["year"])
+    if calendar:
+        month, day = parts["month"], parts["day_of_month"]
         known = (month >= 1) & (month <= 12) & (day >= 1) & (day < 32)
+    else:
+        month, day = np.ones(len(year)), parts["day_of_year"]
+        known = (day >= 1) & (day < 367)
     known &= (year >= 1900) & (year < 2200)
     whole = np.where(known, year, 1970.0).astype(int) - 1970
     months = 12 * whole + np.where(known, month, 1.0).astype(int) - 1
@@ -144,13 +150,8 @@ def _count_days(table: Table, found: Identified) -> Array | None:
 
 def write_days(table: Table, found: Identified) -> NDArray[np.str_] | None:
     """The dates of the rows, where columns of year, month and day tell them; `None` where not."""
-    days = _count_days(table, found)
+    days = _count_days(_take_parts(table, found))
     if days is None:
         return None
     whole = np.where(np.isfinite(days), days, 0.0).astype(int).astype("datetime64[D]")
     return np.where(np.isfinite(days), np.datetime_as_string(whole), "")
-
-
-def _get(table: Table, found: Identified, part: str) -> Array | None:
-    column = found.get(part, {}).get("", {}).get("")
-    return None if column is None else to_numbers(table[column.header]).astype(np.float64)

@@ -59,12 +59,10 @@ def _rank(values: Array) -> Index:
 
 
 def find_strays(time: Array) -> Mask:
-    """The few rows (n,) whose times are damaged: without them the others are in order.
-
-    Those in no longest sequence of times that do not fall, where they are a hundredth of the rows
-    or ten, and where the others leave about the time that they took: where the clock stepped back,
-    the times on both sides are right and leave none.
-    """
+    """The few rows (n,) whose times are damaged: without them the others are in order. Those in no
+    longest sequence of times that do not fall, where they are a hundredth of the rows or ten, and
+    where the others leave about the time that they took: where the clock stepped back, the times on
+    both sides are right and leave none."""
     known = np.flatnonzero(np.isfinite(time))
     t = time[known]
     kept = _longest_rise(t)
@@ -79,10 +77,8 @@ def find_strays(time: Array) -> Mask:
 
 
 def _longest_rise(values: Array) -> Index:
-    """The places of the longest sequence in which none is less than the one before it.
-
-    Source: Fredman 1975, by patience sorting.
-    """
+    """The places of the longest sequence in which none is less than the one before it. Source:
+    Fredman 1975, by patience sorting."""
     tails: list[float] = []
     ends: list[int] = []
     before = np.full(len(values), -1)
@@ -100,17 +96,18 @@ def _longest_rise(values: Array) -> Index:
 
 
 def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
-    """Times (n,) that go on where the clock begins anew or wraps, and a note.
-
-    Rows that repeat earlier ones, time and reading (n, 3), stay behind and are left out later.
-    """
+    """Times (n,) that go on where the clock begins anew or wraps, and a note. Rows that repeat
+    earlier ones, time and reading (n, 3), stay behind and are left out later."""
     known = np.flatnonzero(np.isfinite(time))
     t = time[known]
     backward = np.flatnonzero(np.diff(t) < 0) + 1
     if not len(backward) or len(backward) > max(_SHARE * len(t), 1):
         return time, ()
-    if repeats := _find_repeats(t, field[known]):
-        known = np.delete(known, sorted(repeats))
+    rows = np.column_stack([t, field[known]])
+    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    unique = first[which.ravel()] == np.arange(len(rows))
+    if not unique.all():
+        known = known[unique]
         t = time[known]
         backward = np.flatnonzero(np.diff(t) < 0) + 1
         if not len(backward):
@@ -123,9 +120,12 @@ def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     later = np.zeros(len(t))
     wraps = []
     for at in backward:
-        leap, wrapped = _find_leap(float(t[at - 1] - t[at]), step)
-        later[at:] += leap
-        wraps.append(wrapped)
+        fall = float(t[at - 1] - t[at])
+        found = (
+            n for n, size in _WRAPS_S.items() if 0 < size - fall <= max(20 * step, 1e-3 * size)
+        )
+        wraps.append(next(found, ""))  # the counter whose wrap explains it
+        later[at:] += _WRAPS_S.get(wraps[-1], fall + step)
     placed = time.copy()
     placed[known] = t + later
     if len(set(wraps)) == 1 and wraps[0]:
@@ -135,18 +135,3 @@ def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
         f"the clock starts again {times}: it is continued after one step; how long the log was "
         "interrupted is not known",
     )
-
-
-def _find_leap(fall: float, step: float) -> tuple[float, str]:
-    """Seconds to add after a fall of the clock, and the counter whose wrap explains it."""
-    for name, size in _WRAPS_S.items():
-        if 0.0 < size - fall <= max(20.0 * step, 1e-3 * size):
-            return size, name
-    return fall + step, ""
-
-
-def _find_repeats(time: Array, field: Array) -> set[int]:
-    """The rows with the time and the reading of an earlier row."""
-    rows = np.column_stack([time, field])
-    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return set(np.flatnonzero(first[which.ravel()] != np.arange(len(rows))).tolist())

@@ -43,12 +43,9 @@ def resample(
 
 def interpolate_smoothly(wanted: Array, time: Array, values: Array) -> Array:
     """Values (n,) at wanted times (m,) within their own (n,), by cubics that meet with one slope.
-
     Between readings of a field that bends, lines are off by F'' Δt²/8 to one side, which a fit
     takes for an offset; here an error is of the third order, and noise spreads two readings far.
-
-    Source: Catmull & Rom, "A class of local interpolating splines", 1974.
-    """
+    Source: Catmull & Rom, "A class of local interpolating splines", 1974."""
     from scipy.interpolate import CubicHermiteSpline  # slow to load
 
     if len(time) < 3:
@@ -57,12 +54,10 @@ def interpolate_smoothly(wanted: Array, time: Array, values: Array) -> Array:
 
 
 def find_misplaced(time: ArrayLike) -> Mask:
-    """Rows whose time lies outside that of both neighbours although those are in order.
-
-    Of the first row: later than the two after it, which are in order. Farther than
-    `LONGEST_LOG_S` from the median is misplaced anywhere. One damaged time would otherwise cost
-    every row after it, since times must increase.
-    """
+    """Rows whose time lies outside that of both neighbours although those are in order. Of the
+    first row: later than the two after it, which are in order. Farther than `LONGEST_LOG_S` from
+    the median is misplaced anywhere. One damaged time would otherwise cost every row after it,
+    since times must increase."""
     t = np.asarray(time, dtype=np.float64)
     known = t[np.isfinite(t)]
     if not len(known):

@@ -32,10 +32,8 @@ Groups = Mapping[str, Mapping[str, Column]]
 
 
 def pick(groups: Groups, number: str) -> Mapping[str, Column]:
-    """The columns of the sensor of that number or name, else those without one.
-
-    A magnetometer that is not numbered takes the only ones there are.
-    """
+    """The columns of the sensor of that number or name, else those without one. A magnetometer that
+    is not numbered takes the only ones there are."""
     only = next(iter(groups.values())) if len(groups) == 1 and not number.isdecimal() else {}
     return groups.get(number) or groups.get("") or only
 
@@ -189,10 +187,8 @@ def increases(time: Array) -> bool:
 def find_time(
     clock: Clock, field: Array, readings: Mask
 ) -> tuple[Array | None, datetime | None, tuple[str, ...]]:
-    """The times of a clock, single wrong ones marked and a coarse clock spread.
-
-    `field` (n, 3) is what was read at them, `readings` (n,) marks the rows that hold one.
-    """
+    """The times of a clock, single wrong ones marked and a coarse clock spread. `field` (n, 3) is
+    what was read at them, `readings` (n,) marks the rows that hold one."""
     time, epoch, notes = clock
     if time is None:
         return None, None, notes

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array
 from agonic.logs.log import Readings
 from agonic.logs.rows.auxiliary import PERIODS_DEG, measure_reach
 from agonic.logs.rows.resample import ESTIMATED_ATTITUDE, resample
@@ -44,58 +44,44 @@ class Candidate(NamedTuple):
 def choose_heading(
     candidates: Iterable[Candidate], time: Array | None, estimate: Array | None
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Heading, sd and source at the rows (n,) by the best of the sources, and notes.
-
-    Nothing where no source is known for half of the rows. `estimate` (n,) is the autopilot's own
-    heading, degrees, which stands where the source is not known.
-    """
+    """Heading, sd and source at the rows (n,) by the best of the sources, and notes. Nothing where
+    no source is known for half of the rows. `estimate` (n,) is the autopilot's own heading,
+    degrees, which stands where the source is not known."""
     if time is None:
         return {}, ()
     found: list[tuple[float, dict[str, Any], str]] = []
     notes: list[str] = []
     for one in candidates:
         settled = np.isfinite(one.heading_deg) & (one.sd_deg > 0) & (one.sd_deg <= SETTLED_DEG)
-        share, columns = _bring(one, settled, time, estimate)
-        if share < ENOUGH:
-            notes.append(f"{one.name} was recorded and is known in {100 * share:.0f} % of the rows")
+        at = one.time[settled]
+        near = (
+            np.zeros(len(time), dtype=bool) if len(at) < 2 else measure_reach(at, time) <= REACH_S
+        )
+        if near.mean() < ENOUGH:
+            known = 100 * near.mean()
+            notes.append(f"{one.name} was recorded and is known in {known:.0f} % of the rows")
             continue
-        first = float(one.time[settled].min() - one.time.min())
+        heading = resample(at, one.heading_deg[settled] % 360.0, time, period=360.0)
+        sd = resample(at, np.maximum(one.sd_deg[settled], LEAST_SD_DEG), time)
+        assert heading is not None
+        assert sd is not None
+        sd = np.where(near, sd, UNKNOWN_SD_DEG)
+        if estimate is not None:
+            heading = np.where(near, heading, estimate % 360.0)
+        columns = {"heading_deg": heading, "heading_sd_deg": sd, "heading_source": one.name}
+        first = float(at.min() - one.time.min())
         late = f"; it had settled after {first:.0f} s" if first > 1.0 else ""
         said = f"the heading is by {one.name}, which does not follow the magnetometer{late}"
-        found.append((float(np.median(columns["heading_sd_deg"])), columns, said))
+        found.append((float(np.median(sd)), columns, said))
     if not found:
         return {}, tuple(notes)
     _, columns, said = min(found, key=lambda one: one[0])
     return columns, (said, *notes)
 
 
-def _bring(
-    one: Candidate, settled: Mask, time: Array, estimate: Array | None
-) -> tuple[float, dict[str, Any]]:
-    """The share of rows that a source knows, and the columns."""
-    if settled.sum() < 2:
-        return 0.0, {}
-    at = one.time[settled]
-    near = measure_reach(at, time) <= REACH_S
-    heading = resample(at, one.heading_deg[settled] % 360.0, time, period=360.0)
-    sd = resample(at, np.maximum(one.sd_deg[settled], LEAST_SD_DEG), time)
-    assert heading is not None
-    assert sd is not None
-    sd = np.where(near, sd, UNKNOWN_SD_DEG)
-    if estimate is not None:
-        heading = np.where(near, heading, estimate % 360.0)
-    return float(near.mean()), {
-        "heading_deg": heading,
-        "heading_sd_deg": sd,
-        "heading_source": one.name,
-    }
-
-
 class Track(NamedTuple):
     """A quantity by the name of its column, or of what disturbs: values (k,) or (k, 3) at `at`.
-
-    `at` (k,) and the rows of the magnetometer `rows` (n,) are times, or places in the file.
-    """
+    `at` (k,) and the rows of the magnetometer `rows` (n,) are times, or places in the file."""
 
     name: str
     at: Array
@@ -126,15 +112,13 @@ def build_samples(
     rejected: Mapping[str, int],
     headings: Iterable[Candidate] = (),
 ) -> Samples:
-    """One magnetometer of an autopilot, with everything else at its rows.
-
-    `rejected` counts the rows that are gone already, by the reason; `headings` are what tells one
-    without a magnetometer, which goes before the autopilot's own estimate.
-    """
+    """One magnetometer of an autopilot, with everything else at its rows. `rejected` counts the
+    rows that are gone already, by the reason; `headings` are what tells one without a magnetometer,
+    which goes before the autopilot's own estimate."""
     columns = resample_tracks(tracks)
     estimate = columns.get("heading_deg")
-    told, said = choose_heading(headings, time, estimate)
-    estimated = estimate is not None and not told
+    chosen, said = choose_heading(headings, time, estimate)
+    estimated = estimate is not None and not chosen
     if estimate is not None:
         columns["heading_deg"] = estimate % 360.0
     return Samples(
@@ -142,7 +126,7 @@ def build_samples(
         unit=found.unit,
         time=time,
         epoch=epoch,
-        **{**columns, **told},
+        **{**columns, **chosen},
         name=name,
         frame=found.frame,
         device_id=found.device_id,

@@ -14,7 +14,7 @@ from agonic.errors import LogError, MissingExtraError
 from agonic.logs.clocks.clock import to_moments
 from agonic.logs.contents import explain_damage
 from agonic.logs.headers.header import MOST_COLUMNS
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
 from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input
 
@@ -32,11 +32,7 @@ _READS = 100_000
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a CDF file is; `unit` is that of the field where the file does not say.
-
-    Raises `LogError` where it cannot be read or holds no magnetometer, `MissingExtraError`
-    without cdflib.
-    """
+    """The log that a CDF file is; `unit` is that of the field where the file does not say."""
     try:
         import cdflib
     except ImportError:
@@ -55,12 +51,12 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         try:
             if (values := _read_values(file, name, path.stat().st_size)) is not None:
                 variables[name] = values
-                units[name] = _read_unit(file, name)
+                said = {key.upper(): value for key, value in file.varattsget(name).items()}
+                units[name] = str(said.get("UNITS", "")).strip()
         except Exception as error:
             notes.append(f"{name} cannot be read ({type(error).__name__}): the file is damaged")
-    return build_variables_log(
-        variables, units, path=path, source=source, format="CDF", unit=unit, notes=tuple(notes)
-    )
+    facts = Facts(path=path, source=source, format="CDF", unit=unit, notes=tuple(notes))
+    return build_variables_log(variables, units, **facts)
 
 
 class _Bounded:
@@ -80,11 +76,9 @@ class _Bounded:
 
 
 def _check(stream: BinaryIO) -> None:
-    """Refuse counts that no file has and that would keep cdflib busy for hours.
-
-    Global descriptor and chains of variables, as the CDF Internal Format Description lays them
-    out (version 3.9, sections 2.2 and 2.3). Compressed files have none to be seen.
-    """
+    """Refuse counts that no file has and that would keep cdflib busy for hours. Global descriptor
+    and chains of variables, as the CDF Internal Format Description lays them out (version 3.9,
+    sections 2.2 and 2.3). Compressed files have none to be seen."""
     head = stream.read(8)
     if head[4:] != b"\0\0\xff\xff":
         return
@@ -131,8 +125,14 @@ def _read_values(file: Any, name: str, size: int) -> NDArray[Any] | None:
 
 def decode_moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
     """Values of one of CDF's three types of time as moments; those of other types as they are."""
-    if data_type == _TT2000:
-        return _decode_tt2000(values)
+    if data_type == _TT2000:  # in UTC by cdflib's table of leap seconds
+        import cdflib
+
+        known = values > np.iinfo(np.int64).min + 1_000
+        stamps = cdflib.cdfepoch.to_datetime(np.where(known, values, 0))
+        stamps = np.atleast_1d(stamps).astype("datetime64[us]")
+        stamps[~known] = np.datetime64("NaT", "us")
+        return np.asarray(stamps)
     if data_type == _EPOCH16:
         return _decode_epoch(values.real * 1e3 + values.imag * 1e-9)
     return _decode_epoch(values) if data_type == _EPOCH else values
@@ -142,20 +142,3 @@ def _decode_epoch(milliseconds: Array) -> NDArray[Any]:
     """Milliseconds since year 0 as moments; what lies outside 0…9999 is no time."""
     known = (milliseconds > 0) & (milliseconds < _MILLISECONDS_10000)
     return to_moments((np.where(known, milliseconds, np.nan) - _YEAR_0_MS) * 1e3)
-
-
-def _decode_tt2000(nanoseconds: NDArray[np.int64]) -> NDArray[np.datetime64]:
-    """TT2000 as UTC, by cdflib's table of leap seconds."""
-    import cdflib
-
-    known = nanoseconds > np.iinfo(np.int64).min + 1_000
-    stamps = cdflib.cdfepoch.to_datetime(np.where(known, nanoseconds, 0))
-    stamps = np.atleast_1d(stamps).astype("datetime64[us]")
-    stamps[~known] = np.datetime64("NaT", "us")
-    return np.asarray(stamps)
-
-
-def _read_unit(file: Any, name: str) -> str:
-    """What the file says of a variable's unit."""
-    said = {key.upper(): value for key, value in file.varattsget(name).items()}
-    return str(said.get("UNITS", "")).strip()

@@ -9,6 +9,7 @@ variometer, in its own axes; F is an absolute scalar instrument and G what F lac
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,13 +32,15 @@ _TIME, _VALUES, _WIDTH = slice(0, 23), slice(30, 70), 10
 _NORTH = ("XYZ", "HDZ", "DHZ")
 _OWN = ("HEZ", "UVW", "EHZ")
 _MINUTES_A_TURN = 21_600.0
+_PLACES = {
+    "GEODETIC LATITUDE": "latitude_deg",
+    "GEODETIC LONGITUDE": "longitude_deg",
+    "ELEVATION": "altitude_m",
+}
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log of an observatory: one sensor, with its station's place; the format fixes nT.
-
-    Raises `LogError` where the elements are not three of a field, or no row holds a reading.
-    """
+    """The log of an observatory: one sensor, with its station's place; the format fixes nT."""
     text = path.read_bytes().decode("latin-1").replace("\r\n", "\n")
     header, rows = _parts(text)
     if not rows:
@@ -92,18 +95,16 @@ def _numbers(texts: list[str]) -> Array:
 
 
 def _moments(rows: list[str]) -> NDArray[Any]:
+    """The times of the rows; NaT where there is none."""
     stamps = np.array([row[_TIME].replace(" ", "T") for row in rows])
     try:
         return stamps.astype("datetime64[ms]")
     except ValueError:
-        return np.array([_moment(stamp) for stamp in stamps])
-
-
-def _moment(stamp: str) -> np.datetime64:
-    try:
-        return np.datetime64(stamp, "ms")
-    except ValueError:
-        return np.datetime64("NaT", "ms")
+        moments = np.full(len(rows), np.datetime64("NaT", "ms"))
+        for k, stamp in enumerate(stamps):
+            with suppress(ValueError):
+                moments[k] = np.datetime64(stamp, "ms")
+        return moments
 
 
 def _table(
@@ -127,12 +128,7 @@ def _table(
         table |= {} if beside is None else {"scalar_nT": beside}
         notes += said
     table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
-    places = (
-        ("GEODETIC LATITUDE", "latitude_deg"),
-        ("GEODETIC LONGITUDE", "longitude_deg"),
-        ("ELEVATION", "altitude_m"),
-    )
-    for label, column in places:
+    for label, column in _PLACES.items():
         value = to_number(header.get(label, "").encode("latin-1", "replace"))
         if abs(value) < MISSING:
             table[column] = np.full(n, value)
@@ -157,9 +153,5 @@ def _field(
         minutes = minutes + base
         notes.append(f"D counts from DECBAS, {base / 60:.3f}°")
     angle = 2 * np.pi * minutes / _MINUTES_A_TURN
-    horizontal = elements["H"]
-    return (
-        np.stack([horizontal * np.cos(angle), horizontal * np.sin(angle), elements["Z"]], axis=1),
-        "n",
-        notes,
-    )
+    north, east = elements["H"] * np.cos(angle), elements["H"] * np.sin(angle)
+    return np.stack([north, east, elements["Z"]], axis=1), "n", notes

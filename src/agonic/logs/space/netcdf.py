@@ -24,7 +24,7 @@ from agonic.logs.child_process import call
 from agonic.logs.clocks.clock import read_clock, to_moments
 from agonic.logs.contents import explain_damage
 from agonic.logs.headers.columns import refuse_many
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
 from agonic.logs.space.variables import build_variables_log
 from agonic.provenance import Input
 
@@ -43,29 +43,17 @@ Found = tuple[NDArray[Any], Mapping[str, Any]]
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a netCDF file is; `unit` is that of the field where the file does not say.
-
-    Raises `LogError` where it cannot be read or holds no magnetometer, `MissingExtraError` where
-    version 4 is to be read without h5py.
-    """
+    """The log that a netCDF file is; `unit` is that of the field where the file does not say."""
     with path.open("rb") as stream:
         classic = stream.read(4) in CLASSIC
-    with explain_damage("cannot be read as netCDF"):
-        found, notes = _version_3(path) if classic else _version_4(path)
-    variables: dict[str, NDArray[Any]] = {}
-    for name, (values, attributes) in found.items():
-        variables[name] = _decode(values, attributes)
-    units = {name: _text(attributes.get("units", "")) for name, (_, attributes) in found.items()}
-    return build_variables_log(
-        variables, units, path=path, source=source, format="netCDF", unit=unit, notes=tuple(notes)
-    )
-
-
-def _version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
-    if find_spec("h5py") is None:
+    if not classic and find_spec("h5py") is None:
         raise MissingExtraError("reading a netCDF-4 file", "space")
-    read: tuple[dict[str, Found], list[str]] = call(read_version_4, path)
-    return read
+    with explain_damage("cannot be read as netCDF"):
+        found, notes = _read_version_3(path) if classic else call(read_version_4, path)
+    variables = {name: _decode(*variable) for name, variable in found.items()}
+    units = {name: _text(attributes.get("units", "")) for name, (_, attributes) in found.items()}
+    facts = Facts(path=path, source=source, format="netCDF", unit=unit, notes=tuple(notes))
+    return build_variables_log(variables, units, **facts)
 
 
 def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
@@ -95,7 +83,8 @@ def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
         for name, item in items.items():
             try:
                 wanted = (is_sampling_rate(name) and item.ndim == 0) or 1 <= item.ndim <= 2
-                if wanted and _is_variable(item):
+                named = "NAME" in item.attrs and item.attrs.get_id("NAME").dtype.kind == "S"
+                if wanted and not (named and item.attrs["NAME"].startswith(_DIMENSION)):
                     found[name] = read_values(item), _attributes(item.attrs)
             except LogError as error:
                 notes.append(str(error))
@@ -105,10 +94,8 @@ def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
 
 
 def _attributes(given: Any) -> dict[str, Any]:
-    """The attributes that matter, where they are numbers or texts.
-
-    HDF5 does not survive damaged ones of other kinds that have no fixed length.
-    """
+    """The attributes that matter, where they are numbers or texts. HDF5 does not survive damaged
+    ones of other kinds that have no fixed length."""
     known = {key: given.get_id(key) for key in _ATTRIBUTES if key in given}
     return {
         key: _shorten(given[key])
@@ -123,14 +110,7 @@ def _shorten(value: Any) -> Any:
     return value[:_LONGEST_TEXT] if isinstance(value, str | bytes) else value
 
 
-def _is_variable(item: Any) -> bool:
-    """Not a mere dimension."""
-    named = "NAME" in item.attrs and item.attrs.get_id("NAME").dtype.kind == "S"
-    mere = named and item.attrs["NAME"].startswith(_DIMENSION)
-    return not mere
-
-
-def _version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
+def _read_version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
     from scipy.io import netcdf_file
 
     with netcdf_file(path, "r", mmap=False) as file:

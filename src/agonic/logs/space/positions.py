@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, AgonicWarning, LogError, MissingExtraError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.worldfield import ELEMENTS
-from agonic.logs.contents import read_bytes, read_text
+from agonic.logs.contents import read_bytes, read_text, to_number
 from agonic.logs.headers.header import Column, identify_column
 from agonic.maths.earth.earth_rotation import rotate_about_third, sidereal_rad
 from agonic.maths.earth.geodesy import geodetic
@@ -38,9 +39,7 @@ _YEARS = (1000.0, 3000.0)  # a number out here is no decimal year
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points:
     """Places and dates: (n,) degrees, metres above WGS-84, dates as given and as decimal years.
-
-    `rows` (n,) are their line numbers in the file.
-    """
+    `rows` (n,) are their line numbers in the file."""
 
     path: Path
     rows: Index
@@ -76,13 +75,12 @@ def read_points(path: Path | str, date: str | None = None) -> Points:
         raise LogError("there is no row of a place below a header", path=path)
     header, body = table[0][1], table[1:]
     places = _columns(header, path, date)
-    cells: dict[str, list[str]] = {name: [] for name in places}
     for row, line in body:
-        for name, (position, _) in places.items():
-            if position >= len(line):
-                raise LogError(f"there is no {header[position]}", path=path, row=row)
-            cells[name].append(line[position].strip())
+        short = next((at for at, _ in places.values() if at >= len(line)), None)
+        if short is not None:
+            raise LogError(f"there is no {header[short]}", path=path, row=row)
     rows = np.array([row for row, _ in body])
+    cells = {name: [line[at].strip() for _, line in body] for name, (at, _) in places.items()}
     numbers = {
         name: _numbers(cells[name], rows, path, name, places[name][1])
         for name in _RANGES
@@ -167,10 +165,7 @@ def _numbers(cells: Sequence[str], rows: Index, path: Path, name: str, column: C
     low, high = _RANGES[name]
     values = np.empty(len(cells))
     for i, cell in enumerate(cells):
-        try:
-            values[i] = float(cell) * factor + offset
-        except ValueError:
-            values[i] = np.nan
+        values[i] = to_number(cell) * factor + offset
         if not low <= values[i] <= high:
             raise LogError(
                 f"{column.header} is {cell!r}; it needs a number from {low:g} to {high:g} ({name})",
@@ -184,23 +179,20 @@ def _years(dates: Sequence[str], rows: Index, path: Path) -> Array:
     """The decimal years of dates, each different one worked out once."""
     known: dict[str, float] = {}
     for date, row in zip(dates, rows.tolist(), strict=True):
-        if date not in known:
+        if date in known:
+            continue
+        try:
+            known[date] = float(date)  # in figures
+        except ValueError:
             try:
-                known[date] = _year(date)
+                known[date] = float(decimal_year(date))
             except AgonicError as error:
                 raise LogError(str(error), path=path, row=row) from None
+        else:
+            if not _YEARS[0] <= known[date] <= _YEARS[1]:
+                why = f"{date} is not a year; give a date like 2026-03-01, or like 2026.17"
+                raise LogError(why, path=path, row=row)
     return np.array([known[date] for date in dates])
-
-
-def _year(date: str) -> float:
-    """The decimal year of an ISO 8601 date, or of a decimal year in figures."""
-    try:
-        year = float(date)
-    except ValueError:
-        return float(decimal_year(date))
-    if not _YEARS[0] <= year <= _YEARS[1]:
-        raise AgonicError(f"{date} is not a year; give a date like 2026-03-01, or like 2026.17")
-    return year
 
 
 LINE = 69
@@ -251,7 +243,9 @@ def positions_from_tle(
         from sgp4.api import Satrec
     except ImportError:
         raise MissingExtraError("positions from two-line elements", "space") from None
-    sets = [Satrec.twoline2rv(*pair) for pair in _choose(_pairs(_text(tle)), satellite)]
+    lines = isinstance(tle, str) and "\n" in tle.strip()
+    text = str(tle) if lines else read_bytes(tle).decode(errors="replace")
+    sets = [Satrec.twoline2rv(*pair) for pair in _choose(_pairs(text), satellite)]
     start = epoch.replace(tzinfo=UTC) if epoch.tzinfo is None else epoch
     unix = start.timestamp() + np.asarray(time, dtype=np.float64)
     made = np.array([s.jdsatepoch + s.jdsatepochF - _UNIX_JULIAN_DATE for s in sets]) * DAY_S
@@ -278,23 +272,6 @@ _NUMBERS = (
 """Where numbers stand in the first and second line (CelesTrak, "NORAD two-line element set")."""
 
 
-def _holds_numbers(line: str) -> bool:
-    """Whether printable letters alone are there, and numbers where numbers belong."""
-    try:
-        for start, stop in _NUMBERS[int(line[0]) - 1]:
-            float(line[start:stop])
-    except ValueError:
-        return False
-    return line.isascii() and line.isprintable()
-
-
-def _text(tle: Path | str) -> str:
-    """The lines, read from the file where a path was given."""
-    if isinstance(tle, str) and "\n" in tle.strip():
-        return tle
-    return read_bytes(tle).decode(errors="replace")
-
-
 def _pairs(text: str) -> list[tuple[str, str]]:
     """The first and second lines that belong together, checked by their checksums."""
     lines = [line.rstrip() for line in text.splitlines()]
@@ -313,7 +290,8 @@ def _pairs(text: str) -> list[tuple[str, str]]:
     for line in (line for pair in pairs for line in pair):
         if len(line) < LINE or line[-1] != str(compute_checksum(line)):
             raise LogError(f"the checksum of {line!r} is wrong; copy the elements again")
-        if not _holds_numbers(line):
+        numbers = (to_number(line[a:b]) for a, b in _NUMBERS[int(line[0]) - 1])
+        if any(map(math.isnan, numbers)) or not (line.isascii() and line.isprintable()):
             raise LogError(f"{line!r} has letters where numbers belong; copy the elements again")
     return pairs
 

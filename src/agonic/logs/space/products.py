@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +19,11 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
-from agonic.logs.log import Log, Stream
+from agonic.logs.log import Facts, Log, Stream
 from agonic.logs.rows.auxiliary import MOST_OF_THE_ROWS
 from agonic.logs.table import build_log
 from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
 from agonic.maths.rotations.attitude import angles_deg
-from agonic.provenance import Input
 from agonic.samples import Samples
 
 SAME = 1e-3
@@ -33,12 +31,10 @@ SAME = 1e-3
 
 
 def compare_scalar(field: Array, scalar: Array) -> tuple[Array, Array | None, tuple[str, ...]]:
-    """The field (n, 3) and the scalar reading (n,), both nT, as they can stand beside each other.
-
-    A reading that is not above zero is none. Rows without one lose their field where most rows
-    have one, which is worth more than they are; else the scalar column is left out. So is one
-    that is the magnitude of the vector itself.
-    """
+    """The field (n, 3) and the scalar reading (n,), both nT, as they can stand beside each other. A
+    reading that is not above zero is none. Rows without one lose their field where most rows have
+    one, which is worth more than they are; else the scalar column is left out. So is one that is
+    the magnitude of the vector itself."""
     readings = np.asarray(np.isfinite(field).all(axis=1))
     known = np.isfinite(scalar) & (scalar > 0)
     both = readings & known
@@ -77,13 +73,9 @@ def is_spacecraft(variables: Variables) -> bool:
     return bool(_vectors(variables))
 
 
-def build_spacecraft_log(
-    variables: Variables, *, path: Path, source: Input, format: str, notes: tuple[str, ...] = ()
-) -> Log:
+def build_spacecraft_log(variables: Variables, **facts: Unpack[Facts]) -> Log:
     """The log that the variables are, a sensor for each vector, those in sensor axes first.
-
-    `variables` (n,), (n, 3) or (n, 4) by name, in nT, degrees and m; `Timestamp` as datetime64.
-    """
+    `variables` (n,), (n, 3) or (n, 4) by name, in nT, degrees and m; `Timestamp` as datetime64."""
     rows = len(variables[_vectors(variables)[0]])
     fitting = {name: values for name, values in variables.items() if len(values) == rows}
     shared, remarks, used = _shared(fitting)
@@ -92,27 +84,20 @@ def build_spacecraft_log(
     for name in _vectors(fitting):
         try:
             table, notes_of_it = _table(name, fitting, shared)
-            log = build_log(
-                table, path=path, source=source, format=format, remarks=(*remarks, *notes_of_it)
-            )
+            said = (*remarks, *notes_of_it)
+            own: Facts = {**facts, "unit": None, "notes": (), "remarks": said}
+            log = build_log(table, **own)
         except LogError as error:
             failures.append(f"{name}: {error}")
             continue
-        sensors += [
-            s.with_columns(name=(name if s.name == "mag" else f"{s.name} {name}"))
-            for s in log.sensors
-        ]
+        for one in log.sensors:
+            named = name if one.name == "mag" else f"{one.name} {name}"
+            sensors.append(one.with_columns(name=named))
     if not sensors:
         raise LogError(f"{'; '.join(failures)}; fetch the file again")
     others = [n for n in variables if n not in {*used, *_vectors(fitting)}]
-    return Log(
-        path=path,
-        format=format,
-        source=source,
-        sensors=tuple(sensors),
-        streams=tuple(Stream(name=n, rows=len(variables[n])) for n in others),
-        notes=(*notes, *failures),
-    )
+    streams = [Stream(name=n, rows=len(variables[n])) for n in others]
+    return Log.of(facts, sensors, streams, failures)
 
 
 def _vectors(variables: Variables) -> list[str]:
@@ -169,8 +154,11 @@ def _table(
         attitude, why = _attitude(name, variables, shared.get("latitude_deg"))
         table |= attitude
         notes += [why] if why else []
-    elif "latitude_deg" in shared:
-        field = _downwards(field, variables, shared["latitude_deg"])
+    elif "latitude_deg" in shared:  # in the nadir of the geodetic latitude
+        seen = directions(variables["Latitude"], variables["Longitude"])
+        vectors_e = earth_fixed(field.T, seen)
+        down = directions(shared["latitude_deg"], variables["Longitude"])
+        field = north_east_down(vectors_e, down).T
         notes.append("components of north, east, centre: turned into north, east, down")
     if "F" in variables:
         reading = np.array(variables["F"], dtype=np.float64)
@@ -181,13 +169,6 @@ def _table(
     table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
     table["frame"] = np.full(len(field), letter, dtype=object)
     return table, notes
-
-
-def _downwards(field: Array, variables: Variables, latitude_deg: Array) -> Array:
-    """North, east, centre (n, 3) in the north, east, down of the geodetic latitudes."""
-    longitude = variables["Longitude"]
-    vectors_e = earth_fixed(field.T, directions(variables["Latitude"], longitude))
-    return north_east_down(vectors_e, directions(latitude_deg, longitude)).T
 
 
 def _attitude(

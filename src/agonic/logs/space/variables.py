@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,9 @@ from agonic.logs.arrays.stacked import build_arrays_log, is_sampling_rate
 from agonic.logs.clocks.clock import UNIX, read_clock, to_moments
 from agonic.logs.contents import to_number
 from agonic.logs.headers.columns import refuse_many
-from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.header import name_quantity
 from agonic.logs.headers.quantities import DOCUMENT
-from agonic.logs.log import Log
+from agonic.logs.log import Facts, Log
 from agonic.logs.space.products import build_spacecraft_log, is_spacecraft
 from agonic.provenance import Input
 from agonic.units import RAW, find_unit, nanotesla_per
@@ -35,59 +35,33 @@ _LENGTHS_M = {"m": 1.0, "km": 1e3}
 
 
 def build_variables_log(
-    variables: Variables,
-    units: Mapping[str, str],
-    *,
-    path: Path,
-    source: Input,
-    format: str,
-    unit: str | None = None,
-    notes: tuple[str, ...] = (),
+    variables: Variables, units: Mapping[str, str], **facts: Unpack[Facts]
 ) -> Log:
     """The log that variables are: as magnetic satellites name them, or as a table's columns.
-
-    `units` of the variables by name, where the file says; moments are datetime64; `unit` is that
-    of the field where nothing else says it.
-    """
+    `units` of the variables by name, where the file says; moments are datetime64."""
+    notes = facts.get("notes", ())
     if not variables and notes:
         raise LogError(f"{notes[0]}; fetch it again")
     if stacked.is_broad(variables):
         renamed, remarks = stacked.rename_variables(variables)
-        return build_arrays_log(
-            renamed, path=path, source=source, format=format, unit=unit, remarks=remarks
-        )
-    known = {
-        name: _drop_fill(values)
-        for name, values in variables.items()
-        if values.ndim or is_sampling_rate(name)
-    }
-    spelled = {name: _SPELLINGS.get(text.strip().lower(), text) for name, text in units.items()}
+        return build_arrays_log(renamed, **(facts | {"notes": (), "remarks": remarks}))
+    known: dict[str, NDArray[Any]] = {}
+    for name, values in variables.items():
+        if values.ndim or is_sampling_rate(name):
+            floating = values.dtype.kind == "f"
+            known[name] = np.where(np.abs(values) < FILL, values, np.nan) if floating else values
     if not known:
         raise LogError("there are no variables in it; fetch the file again")
-    if is_spacecraft(known):
-        ours = {name: _convert_unit(name, known[name], spelled.get(name, "")) for name in known}
-        return _of_spacecraft(ours, path=path, source=source, format=format, notes=notes)
-    headed = {
-        _header(name, values, spelled.get(name, "")): values for name, values in known.items()
-    }
-    return build_arrays_log(
-        _add_clock(headed, "time"), path=path, source=source, format=format, unit=unit, notes=notes
-    )
-
-
-def _of_spacecraft(variables: Variables, **facts: Any) -> Log:
-    """The log of a satellite's variables; numbers beyond all bounds are damage."""
+    spelled = {name: _SPELLINGS.get(text.strip().lower(), text) for name, text in units.items()}
+    if not is_spacecraft(known):
+        headed = {_header(n, v, spelled.get(n, "")): v for n, v in known.items()}
+        return build_arrays_log(_add_clock(headed, "time"), **facts)
+    ours = {name: _convert_unit(name, known[name], spelled.get(name, "")) for name in known}
     try:
         with np.errstate(all="ignore"):
-            return build_spacecraft_log(_add_clock(variables, "Timestamp"), **facts)
-    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            return build_spacecraft_log(_add_clock(ours, "Timestamp"), **facts)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:  # beyond all bounds
         raise LogError(f"the numbers in it make no sense ({error}); fetch it again") from error
-
-
-def _drop_fill(values: NDArray[Any]) -> NDArray[Any]:
-    if values.dtype.kind != "f":
-        return values
-    return np.where(np.abs(values) < FILL, values, np.nan)
 
 
 def _convert_unit(name: str, values: NDArray[Any], unit: str) -> NDArray[Any]:
@@ -111,18 +85,11 @@ def _add_clock(variables: Variables, name: str) -> dict[str, NDArray[Any]]:
 def _header(name: str, values: NDArray[Any], unit: str) -> str:
     """The name with the unit behind it, where that can be understood, as a column's header."""
     headed = f"{name}_{unit}"
-    axis = "[0]" if values.ndim == 2 else ""
-    return headed if unit and identify_column(headed + axis) is not None else name
-
-
-_TIME, _CRAFT = "Timestamp", "Spacecraft"
+    return headed if unit and name_quantity(headed + "[0]" * (values.ndim == 2)) else name
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that such a table is; the service writes nT, degrees and metres.
-
-    Raises `LogError` where no vector is one of a magnetometer.
-    """
+    """The log that a text of VirES is; the service writes nT, degrees and metres."""
     header, *lines = path.read_bytes().decode("latin-1").replace("\r\n", "\n").split("\n")
     names = header.split(",")
     refuse_many(len(names))
@@ -131,26 +98,19 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     if not rows:
         raise LogError("there is a header and no whole row below it; fetch it again")
     notes = (f"{lost} rows are not whole: left out",) if lost else ()
-    variables = {
+    columns = {
         name: _column(name, cells)
         for name, cells in zip(names, zip(*rows, strict=True), strict=True)
     }
-    return build_variables_log(
-        {name: values for name, values in variables.items() if values is not None},
-        {},
-        path=path,
-        source=source,
-        format="VirES text table",
-        unit=unit,
-        notes=notes,
-    )
+    facts = Facts(path=path, source=source, format="VirES text table", unit=unit, notes=notes)
+    return build_variables_log({n: v for n, v in columns.items() if v is not None}, {}, **facts)
 
 
 def _column(name: str, cells: tuple[str, ...]) -> NDArray[Any] | None:
     """Moments, texts, vectors (n, k) or numbers; `None` where vectors differ in length."""
-    if name == _CRAFT:
+    if name == "Spacecraft":
         return np.array(cells, dtype=object)
-    if name == _TIME:
+    if name == "Timestamp":
         seconds, epoch, _ = read_clock(np.array(cells, dtype=object), None)
         if seconds is None or epoch is None:
             raise LogError(f"the time {cells[0][:40]!r} cannot be read; fetch the file again")

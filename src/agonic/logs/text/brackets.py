@@ -42,10 +42,7 @@ _LOOKED_AT = 50
 
 def unnest(data: Text) -> Text:
     """The text with a line for each innermost pair of brackets, where there is nothing else below
-    an optional header.
-
-    Raises `LogError` where NumPy has left out rows.
-    """
+    an optional header."""
     text = data[:].decode("utf-8", "replace")
     nest = _NEST.search(text)
     if nest is None:
@@ -65,11 +62,9 @@ def unnest(data: Text) -> Text:
 
 
 def open_brackets(data: Text, head: Sequence[str]) -> Text:
-    """The text without brackets around numbers, where every row below a header has them.
-
-    Where the header has a name for each number, each becomes a cell; numbers under one name become
-    one quoted cell.
-    """
+    """The text without brackets around numbers, where every row below a header has them. Where the
+    header has a name for each number, each becomes a cell; numbers under one name become one quoted
+    cell."""
     rows = [line for line in head if holds_values(line)][:_LOOKED_AT]
     headed = len(rows) > 1 and not _GROUP.search(rows[0])
     if not headed or '"' in "".join(rows) or not all(map(_GROUP.search, rows[1:])):
@@ -104,10 +99,8 @@ _FEW_GROUPS = 3
 
 
 def level(data: Text, head: Sequence[str]) -> Text:
-    """The text with blanks for the brackets and commas of rows of mere numbers: `0 (1, 2, 3)`.
-
-    Of a measurement of LabVIEW the table below its headers.
-    """
+    """The text with blanks for the brackets and commas of rows of mere numbers: `0 (1, 2, 3)`. Of a
+    measurement of LabVIEW the table below its headers."""
     if head[0].startswith(LABVIEW):
         end = data.rfind(b"***End_of_Header***", 0, _HEAD)
         body = data[end:].partition(b"\n")[2]
@@ -120,10 +113,13 @@ def level(data: Text, head: Sequence[str]) -> Text:
         return data[:].replace(b'"', b"")  # a table whose lines were taken for single cells
     if rows and all(map(_STAMPED.match, rows)):
         return _name_stamps(data[:].decode(), rows)
-    plain = bool(rows) and all(map(_PLAIN.fullmatch, rows))
-    if not plain or not (any(map(_BRACKET.search, rows)) or all(map(_is_mixed, rows))):
+    if not rows or not all(map(_PLAIN.fullmatch, rows)):
         return data
-    return data[:].translate(_TO_BLANKS)
+    mixed = (  # commas and blanks both stand between numbers with a decimal point
+        "," in row and "." in row and any(len(cell.split()) > 1 for cell in row.split(","))
+        for row in rows
+    )
+    return data[:].translate(_TO_BLANKS) if any(map(_BRACKET.search, rows)) or all(mixed) else data
 
 
 def _name_stamps(text: str, rows: Sequence[str]) -> bytes:
@@ -139,16 +135,9 @@ def _name_stamps(text: str, rows: Sequence[str]) -> bytes:
     return "\n".join(lines).encode()
 
 
-def _is_mixed(row: str) -> bool:
-    """Whether commas and blanks both stand between numbers with a decimal point."""
-    cells = [cell.split() for cell in row.split(",")]
-    return len(cells) > 1 and any(len(cell) > 1 for cell in cells) and "." in row
-
-
 def _check_groups(head: Sequence[str]) -> None:
     """Raise `LogError` where lines of dashes part rows of numbers alone into groups: they may be of
-    several sensors, one below the other.
-    """
+    several sensors, one below the other."""
     sizes = [0]
     for line in head:
         if _RULE.fullmatch(line.strip()):

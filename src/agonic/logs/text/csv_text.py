@@ -23,15 +23,10 @@ from numpy.typing import NDArray
 from agonic.errors import LogError
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities
-from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.header import identify_column, name_quantity
 from agonic.logs.log import About, Facts, Log
 from agonic.logs.table import build_log
-from agonic.logs.text.dialects import (
-    build_kinds_log,
-    find_dialect,
-    find_stated_dialect,
-    read_dialect,
-)
+from agonic.logs.text import dialects, long_table, numbers
 from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LABVIEW,
@@ -43,20 +38,6 @@ from agonic.logs.text.layout import (
     find_layout,
     is_header,
     sample_lines,
-)
-from agonic.logs.text.long_table import (
-    LABEL,
-    build_tables_log,
-    find_channels,
-    gather_channels,
-    name_label,
-)
-from agonic.logs.text.numbers import (
-    find_hexadecimal,
-    read_hexadecimal,
-    read_numbers,
-    read_texts,
-    split_rows,
 )
 from agonic.provenance import Input
 
@@ -112,28 +93,30 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
         if assigned := read_assigned(lines.data):
             return build_log(assigned, **facts)
-    dialect, said = find_dialect(lines.head, lines.rows), ""
+    dialect, said = dialects.find_dialect(lines.head, lines.rows), ""
     if dialect is None and _most(lines.rows, _TAGGED.match):
-        dialect, said = find_stated_dialect(lines.head)
+        dialect, said = dialects.find_stated_dialect(lines.head)
     if dialect is not None:
         facts |= {"format": dialect.name, "notes": (*lines.notes, *((said,) if said else ()))}
-        return build_kinds_log(read_dialect(dialect, lines.whole), dialect.kinds, facts)
+        return dialects.build_kinds_log(
+            dialects.read_dialect(dialect, lines.whole), dialect.kinds, facts
+        )
     if _most(lines.rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
         return read_sentences(lines.whole, facts)
     table, found = _read_lines(lines)
     facts = {**facts, **found}
-    if LABEL in find_quantities(table).values():
-        return build_tables_log(table, **facts)
+    if long_table.LABEL in find_quantities(table).values():
+        return long_table.build_tables_log(table, **facts)
     return build_log(table, **facts)
 
 
 def read_table(path: Path) -> TableAndFacts:
     """The columns of a text table that are understood, by header, and what to tell of the file."""
     lines = _load(path)
-    if dialect := find_dialect(lines.head, lines.rows):
-        tables = read_dialect(dialect, lines.whole)
+    if dialect := dialects.find_dialect(lines.head, lines.rows):
+        tables = dialects.read_dialect(dialect, lines.whole)
         return next(iter(tables.values())), {"format": dialect.name, "notes": lines.notes}
     return _read_lines(lines)
 
@@ -205,7 +188,7 @@ def _read_lines(lines: Lines) -> TableAndFacts:
         from agonic.logs.text.labels import is_labelled, read_labelled
 
         if is_labelled(rows[1:] or rows):
-            table, others = read_labelled(split_rows(data[:]))
+            table, others = read_labelled(numbers.split_rows(data[:]))
             return table, {"format": "labelled text", "others": others, "notes": notes}
     return _read_separated(lines)
 
@@ -219,11 +202,11 @@ def _read_separated(lines: Lines) -> TableAndFacts:
     for _ in range(layout.start):
         start = data.find(b"\n", start) + 1 or len(data)
     cells = [layout.split(head[i]) for i in sample if i >= layout.start]
-    if (channels := find_channels(layout.header, cells)) is not None:
+    if (channels := long_table.find_channels(layout.header, cells)) is not None:
         from agonic.logs.text.json_text import make_table
 
-        every = map(layout.split, split_rows(data, start))
-        table, others = make_table(gather_channels(channels, layout.header, every))
+        every = map(layout.split, numbers.split_rows(data, start))
+        table, others = make_table(long_table.gather_channels(channels, layout.header, every))
         return table, {"format": "long table", "others": others, "notes": notes}
     above = [line for line in head[: max(layout.start - 1, 0)] if line.strip()]
     table, others, said = _read_body(data, start, layout, "\n".join(above))
@@ -251,18 +234,17 @@ def _read_body(
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
         raise LogError("there is a header but no row below it")
-    header = rename_headers(name_label(_name_index(layout.header, first), first), title)
+    header = rename_headers(long_table.name_label(_name_index(layout.header, first), first), title)
     vectors = _find_vectors(header, first)
     wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])
     texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
     numeric = [i for i in wanted if i not in texts]
-    values = read_numbers(data, start, layout, numeric)
+    values = numbers.read_numbers(data, start, layout, numeric)
     coded: list[int] = []
     if np.isnan(values).any():
-        of = {i: c.quantity.column for i in numeric if (c := identify_column(wanted[i]))}
-        coded = find_hexadecimal(first, of)
+        coded = numbers.find_hexadecimal(first, {i: name_quantity(wanted[i]) for i in numeric})
     written = [*texts, *coded]
-    found = read_texts(data, start, layout, written) if written else []
+    found = numbers.read_texts(data, start, layout, written) if written else []
     cells = dict(zip(written, found, strict=True))
     table: Table = {}
     notes: dict[str, None] = {}
@@ -272,7 +254,7 @@ def _read_body(
         elif i in texts:
             table[name] = cells[i]
         elif i in coded:
-            table[name], how = read_hexadecimal(cells[i].tolist())
+            table[name], how = numbers.read_hexadecimal(cells[i].tolist())
             notes[f"hexadecimal numbers are read as {how}"] = None
         else:
             table[name] = values[numeric.index(i)]
@@ -307,8 +289,7 @@ def _take_apart(name: str, cells: NDArray[Any]) -> Table:
 
 def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     """Whether a column may hold texts and most of its first cells do; a label is always one."""
-    column = identify_column(name)
-    quantity = "" if column is None else column.quantity.column
+    quantity = name_quantity(name)
     if quantity in _TEXTUAL:
         return is_header([cell for row in rows for cell in row[at : at + 1]])
     return quantity in _LABELS

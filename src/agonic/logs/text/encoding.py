@@ -30,30 +30,29 @@ def load(path: Path, understood: Callable[[str], int]) -> tuple[Text, tuple[str,
     if path.stat().st_size > _LONG:
         with path.open("rb") as stream:
             mapped = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-        pieces = range(0, len(mapped), _LONG)
-        whole = mapped[-1:] == b"\n"
-        if whole and all(_is_plain(mapped[at : at + _LONG]) for at in pieces):
+        pieces = (mapped[at : at + _LONG] for at in range(0, len(mapped), _LONG))
+        plain = (p.isascii() and b"\r" not in p and b"\0" not in p for p in pieces)
+        if mapped[-1:] == b"\n" and all(plain):
             return mapped, ()
     return normalise(path.read_bytes(), understood)
 
 
-def _is_plain(piece: bytes) -> bool:
-    """Whether there is nothing to normalise in some bytes."""
-    return piece.isascii() and b"\r" not in piece and b"\0" not in piece
-
-
 def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:
-    """A text in any of the usual encodings as UTF-8 with plain line ends, and notes.
-
-    `understood` counts the columns that make sense in the start of a text: where bytes are not
-    UTF-8, the encoding is taken in which most do.
-    """
+    """A text in any of the usual encodings as UTF-8 with plain line ends, and notes. `understood`
+    counts the columns that make sense in the start of a text: where bytes are not UTF-8, the
+    encoding is taken in which most do."""
     notes: tuple[str, ...] = ()
     data = decode_marked(data)
     if is_wide(data):
         data = data.decode("utf-16-le", "replace").encode()
     elif not data.isascii():
-        data, notes = _to_utf8(data, understood)
+        try:
+            data.decode("utf-8")
+        except UnicodeDecodeError:
+            counts = {name: understood(data[:_HEAD].decode(name, "ignore")) for name in _ENCODINGS}
+            best = max(counts, key=lambda name: counts[name])
+            notes = (f"some bytes are not UTF-8: read as {_ENCODINGS[best]}",)
+            data = data.decode(best, "replace").encode()
         data = data.replace(_MINUS, b"-")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -67,10 +66,8 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
 
 def _find_torn(data: bytes) -> int:
     """The byte at which a last line without an end begins that is the beginning of such as come
-    before it, or whose last number is shorter than those of all lines like it.
-
-    The length of the text where there is none.
-    """
+    before it, or whose last number is shorter than those of all lines like it. The length of the
+    text where there is none."""
     start = data.rfind(b"\n") + 1
     last = data[start:].strip()
     before = [line.strip() for line in data[max(start - _TAIL, 0) : start].split(b"\n")]
@@ -84,14 +81,3 @@ def _find_torn(data: bytes) -> int:
     digits = _DIGITS.findall(last)
     torn = len(lengths) >= _FEWEST and bool(digits) and last.endswith(digits[-1])
     return start if torn and len(digits[-1]) < min(lengths) else len(data)
-
-
-def _to_utf8(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tuple[str, ...]]:
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError:
-        counts = {name: understood(data[:_HEAD].decode(name, "ignore")) for name in _ENCODINGS}
-        best = max(counts, key=lambda name: counts[name])
-        note = f"some bytes are not UTF-8: read as {_ENCODINGS[best]}"
-        return data.decode(best, "replace").encode(), (note,)
-    return data, ()

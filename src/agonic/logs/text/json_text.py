@@ -7,7 +7,8 @@ numbers may be written as texts. Otherwise columns are named as those of a text 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +45,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
 def _gather_messages(records: list[dict[str, Any]]) -> dict[str, dict[str, NDArray[Any]]]:
     """The columns of MAVLink messages as `mavlogdump.py --format json` writes them, at the times of
-    their arrival; none where the objects are others.
-    """
+    their arrival; none where the objects are others."""
     known = find_group("MAVLink")
     found: dict[str, list[dict[str, Any]]] = {}
     for record in records:
@@ -74,7 +74,7 @@ def _make_table(
 
 def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], list[str]]:
     """The columns of objects that are understood, by name, and the names of the others."""
-    columns = _make_columns([one for record in records for one in _unpack(record)])
+    columns = _make_columns(records)
     names = list(columns)
     texts = [[v if isinstance(v, str) else "" for v in columns[name][:SAMPLE]] for name in names]
     wanted = find_columns(rename_headers(name_label(names, list(zip(*texts, strict=True)))))
@@ -181,16 +181,12 @@ def _find_records(whole: Any, depth: int = 0) -> list[dict[str, Any]]:
         length = max(map(len, plain.values()))
         same = {name: v for name, v in plain.items() if len(v) == length}
         return [dict(zip(same, row, strict=True)) for row in zip(*same.values(), strict=True)]
-    inner = [v for v in whole.values() if isinstance(v, dict | list) and v]
-    found = []
-    for value in inner:
-        try:
-            found.append(_find_records(value, depth + 1))
-        except LogError:
-            continue
-    if not found or not (longest := max(found, key=len)):
-        return [whole]
-    return longest
+    longest: list[dict[str, Any]] = []
+    for value in whole.values():
+        if isinstance(value, dict | list) and value:
+            with suppress(LogError):
+                longest = max(longest, _find_records(value, depth + 1), key=len)
+    return longest or [whole]
 
 
 def _name_rows(rows: list[Any], names: Sequence[str] | None) -> list[dict[str, Any]]:
@@ -216,59 +212,51 @@ def _read_columns(whole: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _make_columns(records: list[dict[str, Any]]) -> dict[str, list[Any]]:
     """Lists of one length by name; `None` where a record lacks it."""
     columns: dict[str, list[Any]] = {}
-    for row, record in enumerate(records):
-        for name, value in _flatten(record).items():
+    rows = [one for record in records for one in _unpack(record)]
+    for row, record in enumerate(rows):
+        for name, value in record.items():
             column = columns.setdefault(name, [])
             column.extend([None] * (row - len(column)))
             column.append(value)
         refuse_many(len(columns), "names")
     for column in columns.values():
-        column.extend([None] * (len(records) - len(column)))
+        column.extend([None] * (len(rows) - len(column)))
     return columns
 
 
 def _unpack(record: dict[str, Any]) -> list[dict[str, Any]]:
-    """The records that a packet of several readings is: its lists of objects taken apart."""
-    if len(lengths := {length for length in _measure(record) if length}) != 1:
-        return [record]
-    return [_take(record, k) for k in range(lengths.pop())]
+    """The values of an object by dotted names, of a list of three or four by [0], [1], …; a packet
+    of several readings, whose lists of objects have one length, as so many records."""
+    flat = list(_flatten(record))
+    lists = {name: v for name, v in flat if isinstance(v, list) and v and _are_objects(v)}
+    count = {len(values) for values in lists.values()}
+    if len(count) != 1:
+        return [dict(_number_parts(flat))]
+    taken = (
+        [part for n, v in flat for part in (_flatten(v[k], f"{n}.") if n in lists else [(n, v)])]
+        for k in range(count.pop())
+    )
+    return [dict(_number_parts(parts)) for parts in taken]
 
 
-def _measure(value: Any, depth: int = 0) -> Iterator[int]:
-    """The lengths of the lists of objects in a record."""
-    for inner in value.values() if depth < _DEEPEST else ():
-        if isinstance(inner, dict):
-            yield from _measure(inner, depth + 1)
-        elif isinstance(inner, list) and inner and _are_objects(inner):
-            yield len(inner)
-
-
-def _take(value: dict[str, Any], at: int) -> dict[str, Any]:
-    """A record with one of each list of objects."""
-    taken: dict[str, Any] = {}
-    for name, inner in value.items():
-        if isinstance(inner, dict):
-            taken[name] = _take(inner, at)
-        else:
-            listed = isinstance(inner, list) and inner and _are_objects(inner)
-            taken[name] = inner[at] if listed else inner
-    return taken
-
-
-def _flatten(record: Mapping[str, Any], before: str = "", depth: int = 0) -> dict[str, Any]:
-    """The values of an object by dotted names; three numbers in a list by [0], [1], [2]."""
-    flat: dict[str, Any] = {}
+def _flatten(
+    record: Mapping[str, Any], before: str = "", depth: int = 0
+) -> Iterator[tuple[str, Any]]:
+    """The values of an object by dotted names."""
     for key, value in record.items():
-        name = f"{before}{key}"
-        if isinstance(value, dict):
-            if depth < _DEEPEST:
-                flat |= _flatten(value, f"{name}.", depth + 1)
-        elif isinstance(value, list):
-            if len(value) in (3, 4):
-                flat |= {f"{name}[{k}]": one for k, one in enumerate(value)}
-        else:
-            flat[name] = value
-    return flat
+        if not isinstance(value, dict):
+            yield f"{before}{key}", value
+        elif depth < _DEEPEST:
+            yield from _flatten(value, f"{before}{key}.", depth + 1)
+
+
+def _number_parts(values: Iterable[tuple[str, Any]]) -> Iterator[tuple[str, Any]]:
+    """The values, of a list of three or four by [0], [1], …, without other lists."""
+    for name, value in values:
+        if not isinstance(value, list):
+            yield name, value
+        elif len(value) in (3, 4):
+            yield from ((f"{name}[{k}]", one) for k, one in enumerate(value))
 
 
 def to_column(column: list[Any], *, textual: bool) -> NDArray[Any]:

@@ -124,9 +124,11 @@ class Scanner:
         labels = list(_LABEL.finditer(line[:_LONGEST]))
         ends = [*(label.start() for label in labels[1:]), min(len(line), _LONGEST)]
         for label, end in zip(labels, ends, strict=False):
-            unit, name = _split_unit(label[1])
-            if unit:
-                found = _give_unit(found, unit)
+            name = label[1].strip()
+            first, _, rest = label[1].partition(" ")
+            sensor = len(first) == 1 and re.fullmatch(r"[xyzXYZ]", rest.strip())  # g x
+            if rest and is_unit(first) and not sensor:  # of what stood before: uT Accel X
+                found, name = _give_unit(found, first), rest.strip()
             content = line[label.end() : end]
             numbers = list(_FIND_NUMBER.finditer(content))
             if not numbers and not re.search(r"\w", content):
@@ -168,14 +170,6 @@ class Scanner:
         yield Reading(named, unit or (self._unit if before == self._title else ""), numbers[0])
 
 
-def _split_unit(name: str) -> tuple[str, str]:
-    """A unit that ends what stood before, and the name behind it: "uT Accel X", "uT Y"; the one
-    letter of "g x" may be a sensor's name."""
-    first, _, rest = name.partition(" ")
-    named = len(first) == 1 and re.fullmatch(r"[xyz]", rest.strip(), re.IGNORECASE)
-    return (first, rest.strip()) if rest and is_unit(first) and not named else ("", name.strip())
-
-
 def _give_unit(found: Sequence[Reading], unit: str) -> list[Reading]:
     """The readings of a line, those without a unit with this one if it can be theirs."""
     return [
@@ -211,10 +205,8 @@ def read_labelled(rows: Sequence[str]) -> tuple[dict[str, NDArray[Any]], list[st
 
 
 def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], str]:
-    """The header of each name with each unit; a name with and without its one unit has one.
-
-    It is "" for counts that come with the same reading in a unit.
-    """
+    """The header of each name with each unit; a name with and without its one unit has one. It is
+    "" for counts that come with the same reading in a unit."""
     counts = Counter((one.name, one.unit) for line in lines for one in line)
     unscaled = _find_unscaled(lines)
     headers = {}
@@ -234,10 +226,8 @@ def _write_headers(lines: Sequence[Sequence[Reading]]) -> dict[tuple[str, str], 
 
 
 def _find_unscaled(lines: Sequence[Sequence[Reading]]) -> set[tuple[str, str]]:
-    """The names with units, or without, of counts beside the same reading in a unit.
-
-    What has no unit is counts where it is of another size: some lines of a log may lose theirs.
-    """
+    """The names with units, or without, of counts beside the same reading in a unit. What has no
+    unit is counts where it is of another size: some lines of a log may lose theirs."""
     sizes: dict[tuple[str, str], list[float]] = {}
     for line in lines:
         for one in line:

@@ -59,12 +59,9 @@ _SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How a text table is laid out; a `separator` of `None` means blanks.
-
-    `start` is the line of the first row, `width` the number of its cells, `rate_Hz` what the lines
-    before the table state, `comma` whether numbers have a decimal comma, `unit` that of the field
-    by those lines.
-    """
+    """How a text table is laid out; a `separator` of `None` means blanks. `start` is the line of
+    the first row, `width` the number of its cells, `rate_Hz` what the lines before the table state,
+    `comma` whether numbers have a decimal comma, `unit` that of the field by those lines."""
 
     separator: str | None
     header: list[str]
@@ -153,12 +150,10 @@ _TIMED_NOTE = (
 def _name_columns(
     above: list[str], comment: list[str], rows: Sequence[Sequence[str]], *, hashed: bool
 ) -> list[str]:
-    """The header of rows, from the words of the line above them or of the last comment before
-    them, else x, y, z.
-
-    One of one more cell above is taken where no column can be behind it ("Comment"); in a comment
-    that a hash and a blank begin (`hashed`) the hash may be the name of a count of rows.
-    """
+    """The header of rows, from the words of the line above them or of the last comment before them,
+    else x, y, z. One of one more cell above is taken where no column can be behind it ("Comment");
+    in a comment that a hash and a blank begin (`hashed`) the hash may be the name of a count of
+    rows."""
     width = len(rows[0])
     if len(above) == width + 1 and identify_column(above[-1]) is None:
         return above[:-1]

@@ -29,10 +29,8 @@ _MOST = 64
 
 
 def build_tables_log(table: Table, **facts: Unpack[Facts]) -> Log:
-    """The log that a table is, those of its sensors apart where it is a long one.
-
-    The rest as for `build_log`.
-    """
+    """The log that a table is, those of its sensors apart where it is a long one. The rest as for
+    `build_log`."""
     parts = split_by_sensor(table)
     if parts is None:
         return build_log(table, **facts)
@@ -41,8 +39,7 @@ def build_tables_log(table: Table, **facts: Unpack[Facts]) -> Log:
 
 def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """The headers, with "sensor" for a column whose cells name a magnetometer and another sensor,
-    whatever it is called: rows of both must not become one sensor's.
-    """
+    whatever it is called: rows of both must not become one sensor's."""
     names = list(headers)
     if LABEL in find_quantities(names).values():
         return names
@@ -59,10 +56,8 @@ def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[st
 
 
 def split_by_sensor(table: Table) -> dict[str, Table] | None:
-    """The tables of the sensors that a long one holds; `None` where it is none.
-
-    Rows of something that is neither a magnetometer, an accelerometer nor a gyroscope are left out.
-    """
+    """The tables of the sensors that a long one holds; `None` where it is none. Rows of something
+    that is neither a magnetometer, an accelerometer nor a gyroscope are left out."""
     found = identify_columns(table)
     label = found.get("sensor", {}).get("", {}).get("")
     bare = found.get("field", {}).get("", {})
@@ -108,16 +103,14 @@ def find_channels(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Chann
         named = [column for cell in cells if (column := identify_column(cell)) is not None]
         axes = {c.axis for c in named if c.quantity.column == "field" and c.rank != FALLBACK}
         values = [
-            k for k in free if k != at and _are_numbers(row[k] for row in rows if k < len(row))
+            k
+            for k in free
+            if k != at and not any(math.isnan(to_number(row[k])) for row in rows if k < len(row))
         ]
         if axes == set("xyz") and len(values) == 1:
             unit, time = (known.index(q) if q in known else None for q in ("unit", "time"))
             return Channels(at, values[0], unit, time)
     return None
-
-
-def _are_numbers(cells: Iterable[str]) -> bool:
-    return all(not math.isnan(to_number(cell)) for cell in cells)
 
 
 def gather_channels(

@@ -29,10 +29,8 @@ _BITS = (8, 16, 24, 32, 64)
 
 def find_hexadecimal(rows: Sequence[Sequence[str]], columns: Mapping[int, str]) -> list[int]:
     """The columns that hold hexadecimal numbers: with 0x, or all of one width and with letters.
-
     `columns` are positions with what they hold: one without a letter is such too where it has the
-    width of one with letters that holds the same.
-    """
+    width of one with letters that holds the same."""
     cells = {at: [row[at] for row in rows if at < len(row) and row[at]] for at in columns}
     cells = {at: column for at, column in cells.items() if column}
     stated = {at for at, column in cells.items() if _most(map(HEXADECIMAL.fullmatch, column))}
@@ -48,15 +46,13 @@ def find_hexadecimal(rows: Sequence[Sequence[str]], columns: Mapping[int, str]) 
 
 def _most(found: Iterable[object]) -> bool:
     """Whether nine of ten are so, for a damaged cell."""
-    told = [bool(one) for one in found]
-    return 10 * sum(told) >= 9 * len(told)
+    fitting = [bool(one) for one in found]
+    return 10 * sum(fitting) >= 9 * len(fitting)
 
 
 def read_hexadecimal(cells: Sequence[str]) -> tuple[Array, str]:
-    """The (n,) numbers in cells, NaN where there is none, and how they were taken.
-
-    They are signed, as two's complement, where their steps are smaller so.
-    """
+    """The (n,) numbers in cells, NaN where there is none, and how they were taken. They are signed,
+    as two's complement, where their steps are smaller so."""
     found = [HEXADECIMAL.fullmatch(cell) or _BARE.fullmatch(cell) for cell in cells]
     digits = [one[0].lower().removeprefix("0x") if one else "" for one in found]
     values = np.array([int(text, 16) if text else np.nan for text in digits], dtype=np.float64)
@@ -80,10 +76,8 @@ _LONG = 3_000_000
 
 
 def read_numbers(data: Text, start: int, layout: Layout, columns: Sequence[int]) -> Array:
-    """The numbers in the given columns, (k, n); NaN where there is none, surplus cells ignored.
-
-    The rows begin at the byte `start` of the text.
-    """
+    """The numbers in the given columns, (k, n); NaN where there is none, surplus cells ignored. The
+    rows begin at the byte `start` of the text."""
     if not columns:
         return np.empty((0, sum(1 for block in _blocks(data, start) for _ in _rows(block))))
     arrow = _import_arrow() if len(data) > _LONG and layout.separator is not None else None

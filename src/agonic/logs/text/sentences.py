@@ -25,7 +25,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
-from agonic.logs.headers.header import identify_column
+from agonic.logs.headers.header import identify_column, name_quantity
 from agonic.logs.log import Facts, Log
 from agonic.logs.rows.auxiliary import PERIODS_DEG
 from agonic.logs.rows.resample import resample
@@ -93,17 +93,14 @@ def read_beside(sentences: Sequence[Sentence]) -> dict[str, Series]:
     arrays = {header: np.array(pairs, dtype=np.float64).T for header, pairs in found.items()}
     columns: dict[str, Series] = {header: (lines, v) for header, (lines, v) in arrays.items()}
     for header, series in read_transducers(sentences).items():
-        column = identify_column(header)
-        if column is not None and column.quantity.column in _TAKEN:
+        if name_quantity(header) in _TAKEN:
             columns.setdefault(header, series)
     return columns
 
 
 def read_clock(sentences: Sequence[Sentence]) -> Series | None:
-    """Lines, and the Unix seconds at them, or without a date those of the day.
-
-    `None` where nothing tells them.
-    """
+    """Lines, and the Unix seconds at them, or without a date those of the day. `None` where nothing
+    tells them."""
     lines: list[int] = []
     of_day: list[float] = []
     dates: list[tuple[int, float]] = []
@@ -190,10 +187,7 @@ def compute_checksum(body: str) -> int:
 
 
 def read_sentences(text: str, facts: Facts) -> Log:
-    """The log that sentences are; the unit is that of a field whose sentence does not fix it.
-
-    Raises `LogError` where none of them holds a field.
-    """
+    """The log that sentences are; the unit is that of a field whose sentence does not fix it."""
     found, seen, wrong, first = _scan(text.split("\n"))
     try:
         name, lines, table = _read_field(found, seen, wrong)
