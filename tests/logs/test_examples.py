@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-_SECTIONS = re.split(r"^## ", Path(__file__).with_name("examples.md").read_text("utf-8"), flags=re.M)
+_TEXT = Path(__file__).with_name("examples.md").read_text("utf-8")
+_SECTIONS = re.split(r"^## ", _TEXT, flags=re.M)
 
 
 @pytest.mark.parametrize("section", _SECTIONS[1:], ids=lambda text: text.partition("\n")[0])

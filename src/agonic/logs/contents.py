@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 from agonic.atomic import mark_input
 from agonic.errors import AgonicError, LogError
-from agonic.logs.formats import read_not_logs
 
 _SECTION = re.compile(rb"^\[{1,2}([\w.]+)\]{1,2}\s*(?:#.*)?$", re.MULTILINE)
 _SETTING = re.compile(rb"^[\w.-]+ *= *(?:[\"'\[{\d+-]|true|false)", re.MULTILINE)
@@ -21,6 +23,12 @@ _CALIBRATION = (
     "a calibration, no log: agonic report CAL shows it, agonic apply CAL LOG -o OUT corrects a log "
     "with it; name the log that it is for"
 )
+
+
+@cache
+def read_not_logs() -> dict[str, Any]:
+    """What files are that are no logs, `not_logs.toml`."""
+    return tomllib.loads(Path(__file__).with_name("not_logs.toml").read_text("utf-8"))
 
 
 def name_own(head: bytes) -> str:

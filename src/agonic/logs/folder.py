@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 from zipfile import BadZipFile, ZipFile
 
 from agonic.errors import LogError
-from agonic.logs.contents import check_declared
-from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, format_of, read_not_logs
+from agonic.logs.contents import check_declared, read_not_logs
+from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, format_of
 from agonic.logs.groups import INERTIAL, build_groups_log, name_axes
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.log import Log, Table

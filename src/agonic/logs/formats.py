@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import codecs
 import re
-import tomllib
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -189,12 +188,6 @@ READ = (
 )
 
 
-@cache
-def read_not_logs() -> dict[str, Any]:
-    """What files are that are no logs, `not_logs.toml`."""
-    return tomllib.loads(Path(__file__).with_name("not_logs.toml").read_text("utf-8"))
-
-
 def find_format(name: str) -> Format:
     """The kind of file of that name."""
     every: tuple[Format, ...] = (*FORMATS, TEXT, *load_installed(READERS).values())
@@ -231,6 +224,8 @@ def format_of(head: bytes) -> Format:
     for kind in known:
         if kind.accepts(head):
             return kind
+    from agonic.logs.contents import read_not_logs
+
     for offset, mark, what in read_not_logs()["signatures"]:
         if head[offset:].startswith(mark.encode("latin-1")):
             raise LogError(f"this is {what}, no log; {READ}")

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
-from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.rows.resample import compute_rate_Hz
 from agonic.provenance import Input
 from agonic.readable import Readable
 from agonic.samples import Logged, Samples
@@ -41,6 +41,13 @@ if TYPE_CHECKING:
 
 TORN = "the last line ends in the middle"
 """Note on a text whose last line was left out, and the reason why it counts as rejected."""
+
+
+def compute_rate_Hz(time: ArrayLike) -> float | None:
+    """Rows per second between the first time and the last, where there are two and they differ."""
+    t = np.asarray(time, dtype=np.float64)
+    span = float(t[-1] - t[0]) if len(t) > 1 else 0.0
+    return (len(t) - 1) / span if span > 0 and np.isfinite(span) else None
 
 
 @dataclass(frozen=True, kw_only=True)

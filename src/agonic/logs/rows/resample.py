@@ -68,10 +68,3 @@ def find_misplaced(time: ArrayLike) -> Mask:
     wrong[1:-1] |= (before <= after) & ((here < before) | (here > after))
     wrong[:1] |= t[:1] > t[2:3] if len(t) > 2 and t[1] < t[2] else False
     return wrong
-
-
-def compute_rate_Hz(time: ArrayLike) -> float | None:
-    """Rows per second between the first time and the last, where there are two and they differ."""
-    t = np.asarray(time, dtype=np.float64)
-    span = float(t[-1] - t[0]) if len(t) > 1 else 0.0
-    return (len(t) - 1) / span if span > 0 and np.isfinite(span) else None
