@@ -12,13 +12,13 @@ tells how much did not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Array
 from agonic.maths.equation import temperature_model
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.model.average import Base, Group, Prior, choose, solve
@@ -58,7 +58,7 @@ _MOMENTS = 30
 _PARTS = (16, 8, 4)  # of a station, over which memory is looked for
 _ROUNDS = 2
 _NOTHING = 0.1
-_SMALL = 1e-9
+_SMALL, _SAME = 1e-9, 0.01
 _KNOWN = 1e-4
 """Of its information: columns are known to 1 %, for they contain the readings' noise."""
 LARGEST = 15.0
@@ -145,7 +145,7 @@ def _list_moments(problem: StationProblem, step: Candidate, time: Array) -> Iter
 class _Linear(NamedTuple):
     """The fit about its estimate: residuals (n,) that are to be explained, their Jacobian (n, p)
     and prior; how they follow a temperature (n,) and a field (n,) that are more by all of
-    themselves; the stations' spaces, and what the estimate has of slow changes, by kind."""
+    themselves; the stations' spaces; kinds of slow changes, and those that the estimate has."""
 
     problem: StationProblem
     left: Array
@@ -154,7 +154,8 @@ class _Linear(NamedTuple):
     by_temperature: Array
     by_field: Array
     spaces: StationSpaces | None
-    slow: Mapping[Kind, float]
+    kinds: tuple[Kind, ...]
+    slow: dict[int, float]
 
     def make_columns(self, candidate: Candidate) -> Array:
         """How residuals follow a fault of size one, (n, 3) or (n, 1)."""
@@ -190,7 +191,8 @@ def _linearise(
     slopes = problem.phi[:, 1:2] ** (powers - 1) @ curves.T
     bias, _ = temperature_model.evaluate_local(state.coefficients, problem.layout, problem.phi)
     field = np.tile(problem.points - bias, (axes, 1))
-    slow = estimate.slow
+    slow, timed = estimate.slow, problem.course is not None
+    kinds = (STEADY, SMOOTH if slow.kind in (STEADY, SMOOTH) else slow.kind)
     return _Linear(
         problem,
         -z * used,
@@ -198,8 +200,9 @@ def _linearise(
         Prior(by.T @ by, -expected @ by, float(expected @ expected)),
         np.sum(jacobian[:, : 9 * p : p] * np.tile(slopes, (axes, 1)), axis=1),
         np.sum(jacobian[:, [0, p, 2 * p]] * field, axis=1),
-        None if problem.course is None else project_changes(problem, state),
-        {STEADY: 0.0, SMOOTH: 0.0, slow.kind: slow.sd},
+        project_changes(problem, state) if timed else None,
+        kinds if timed else (),
+        {kinds.index(slow.kind): slow.sd} if slow.sd > 0.0 and timed else {},
     )
 
 
@@ -209,13 +212,51 @@ class _Terms(NamedTuple):
 
     changes: Group
     groups: list[Group]
+    candidates: list[Candidate]
     gram: Array
     dense: Array
     roots: Array
 
+    def find(self, group: int) -> Candidate | None:
+        """The fault that a group is, or None where it is slow changes."""
+        at = group - (len(self.groups) - len(self.candidates))
+        return self.candidates[at] if at >= 0 else None
 
-def _list_terms(fit: _Linear, later: Mask, candidates: Sequence[Candidate], left: Array) -> _Terms:
-    """The terms of candidates, for residuals (n,) whose outliers are bounded."""
+    def select_faults(self, there: Iterable[int], every: Array | None = None) -> list[int]:
+        """The faults among groups; those alone that are larger than any sensor has, where the
+        estimates of `every` unknown are given."""
+        faults = [i for i in there if self.find(i) is not None]
+        if every is None:
+            return faults
+        of = self.groups
+        return [i for i in faults if np.linalg.norm(every[of[i].columns]) > LARGEST * of[i].scale]
+
+    def keep_apart(self, there: Mapping[int, float], near: float) -> dict[int, float]:
+        """Of steps at about the same moment the likeliest alone: others would share in it."""
+        kept, moments = dict[int, float](), list[float]()
+        for i, size in there.items():
+            one = self.find(i)
+            if one is not None and one.kind == STEP:
+                if any(abs(one.time - other) < near for other in moments):
+                    continue
+                moments.append(one.time)
+            kept[i] = size
+        return kept
+
+
+def _list_terms(fit: _Linear, time: Array, candidates: Sequence[Candidate], left: Array) -> _Terms:
+    """The terms of candidates, for residuals (n,) whose outliers are bounded; by the magnitude
+    alone of those that are not the same throughout each station."""
+    problem = fit.problem
+    each = [problem.station == k for k in range(problem.stations)]
+    candidates = [
+        one
+        for one in candidates
+        if problem.turns_known
+        or one.kind in OF_TEMPERATURE
+        or any(np.ptp(one.weight[own]) > _SAME for own in each)
+    ]
+    later = _rank_stations(problem, time)[:, None] >= np.arange(problem.stations)
     steps = fit.by_field[:, None] * np.resize(later, (len(left), later.shape[1]))
     own = [fit.make_columns(each) for each in candidates]
     dense = np.hstack([fit.jacobian, steps, *own, left[:, None]])
@@ -226,7 +267,7 @@ def _list_terms(fit: _Linear, later: Mask, candidates: Sequence[Candidate], left
     spread = np.zeros((0, dense.shape[1]))
     if fit.spaces is not None:
         spread, roots = fit.spaces.within(dense), []
-        for kind in fit.slow:
+        for kind in fit.kinds:
             size, axis = gaussian_process.find_principal_axes(fit.spaces, kind)
             kept = size > _SMALL * size.max()
             roots.append(axis[:, kept] * np.sqrt(size[kept]))
@@ -246,18 +287,22 @@ def _list_terms(fit: _Linear, later: Mask, candidates: Sequence[Candidate], left
             [inner[first:, before], across[:, first:].T, inner[first:, first:]],
         ]
     )
-    return _Terms(changes, groups, gram, dense, curves)
+    return _Terms(changes, groups, candidates, gram, dense, curves)
 
 
-def _bound_outliers(fit: _Linear, terms: _Terms, base: Base, order: Index) -> tuple[Array, float]:
-    """The residuals (n,) with outliers bounded, and the variance of what a base leaves of them,
-    by means over parts of a station too, which is more where it has memory."""
+def _bound_outliers(
+    fit: _Linear, terms: _Terms, there: Mapping[int, float], time: Array
+) -> tuple[Array, float]:
+    """The residuals (n,) with outliers bounded, and the variance of what terms leave of them, by
+    means over parts of a station too, which is more where it has memory."""
+    offsets = {} if fit.problem.turns_known else {len(terms.groups): IMPLAUSIBLE}
+    base = solve(terms.gram, fit.prior, [*terms.groups, terms.changes], {**there, **offsets})
     found = _place(base, len(terms.gram))
-    first = terms.changes.columns[-1] + 1 if len(terms.changes.columns) else fit.jacobian.shape[1]
-    slow = terms.roots.shape[1]
+    first, slow = terms.changes.columns[-1] + 1, terms.roots.shape[1]
     left = fit.left - terms.dense[:, :-1] @ np.delete(found[:-1], slice(first, first + slow))
     if fit.spaces is not None:
         left = left - fit.spaces.expand(terms.roots @ found[first : first + slow])
+    order = np.lexsort((time, fit.problem.station))
     scale = max(robust_scale(left), 1.0)
     bounded = np.clip(left, -OUTLIER * scale, OUTLIER * scale)
     rows = bounded.reshape(-1, len(order))[:, order]
@@ -282,82 +327,83 @@ def find_faults(
     """
     weights = (np.median(estimate.weights[problem.station == k]) for k in range(problem.stations))
     left_out = tuple(k for k, weight in enumerate(weights) if weight < _NOTHING) if look else ()
+    fit = _linearise(problem, estimate, left_out)
     candidates = [
         one
         for one in (list_candidates(problem, time) if look else ())
-        if (one.kind in OF_ALL or one.station not in left_out)
-        and (problem.turns_known or _shows_within(problem, one))
+        if one.kind in OF_ALL or one.station not in left_out
     ]
-    fit = _linearise(problem, estimate, left_out)
-    later = _rank_stations(problem, time)[:, None] >= np.arange(problem.stations)
-    order = np.lexsort((time, problem.station))
-    terms = _list_terms(fit, later, candidates, fit.left)
-    slow = dict(enumerate(fit.slow.values())) if fit.spaces else {}
-    slow = {k: sd for k, sd in slow.items() if sd > 0.0}
-    there, variance = slow, 1.0
-    for turn in range(_ROUNDS):
+    terms = _list_terms(fit, time, candidates, fit.left)
+    there, variance = fit.slow, 1.0
+    for turn in range(_ROUNDS if look else 0):
         if turn:  # until it is found a fault is scatter, and memory
-            beside = there if problem.turns_known else {**there, len(terms.groups): IMPLAUSIBLE}
-            base = solve(terms.gram, fit.prior, [*terms.groups, terms.changes], beside)
-            left, variance = _bound_outliers(fit, terms, base, order)
-            if all(terms.groups[i].odds > ODDS for i in there):
+            left, variance = _bound_outliers(fit, terms, there, time)
+            if not terms.select_faults(there):
                 variance = max(variance, estimate.correlation)
-            for at in [i for i in there if terms.groups[i].name == STEP]:
-                step = candidates[at - len(terms.groups)]
-                moments = _list_moments(problem, step, time)
-                candidates = [
-                    *(m for m in moments if problem.turns_known or _shows_within(problem, m)),
-                    *candidates,
-                ]
-            terms = _list_terms(fit, later, candidates, left)
-        if look:
-            tested = terms.gram / variance
-            if not problem.turns_known:  # another field at each station explains any fault
-                own = terms.changes.columns
-                shared = tested[:, own]
-                known = np.diag(_KNOWN * np.diag(tested))
-                tested = tested - shared @ np.linalg.pinv(shared[own], hermitian=True) @ shared.T
-                tested += known
-            there, _ = choose(tested, fit.prior, terms.groups, {})
-            there = _keep_apart(there, terms.groups, candidates, time)
-            there |= {} if problem.turns_known else slow
-    gram, a, p = terms.gram / variance, problem.layout.shape[1], problem.degree + 1
+            steps = [one for one in map(terms.find, there) if one and one.kind == STEP]
+            near = [each for one in steps for each in _list_moments(problem, one, time)]
+            terms = _list_terms(fit, time, [*near, *terms.candidates], left)
+        there, _ = choose(_leave_offsets(fit, terms, variance), fit.prior, terms.groups, {})
+        there = terms.keep_apart(there, 0.5 * float(np.ptp(time)) / problem.stations)
+        there |= {} if problem.turns_known else fit.slow
+    gram = terms.gram / variance
+    unseen = _allow_for_changes(fit, terms, gram, changes, problem.layout.shape[1])
     base = solve(gram, fit.prior, terms.groups, there)
-    plain = solve(gram, fit.prior, terms.groups, slow)
-    steps = terms.changes._replace(columns=terms.changes.columns[1:])
-    unseen = [np.zeros((a, a)) for _ in changes]
-    for added, sd in zip(unseen, changes, strict=True):
-        if sd > 0.0 and not problem.turns_known and problem.stations > 1:
-            sizes = {**slow, len(terms.groups): sd}
-            wider = solve(gram, fit.prior, [*terms.groups, steps], sizes)
-            added += wider.inverse[:a, :a] - plain.inverse[:a, :a]
     every = _place(base, len(gram))
-    too_large = {
-        i
-        for i in there
-        if terms.groups[i].odds == ODDS
-        and np.linalg.norm(every[terms.groups[i].columns]) > LARGEST * terms.groups[i].scale
-    }
-    if too_large:  # what no sensor does stands in for something else
-        there = {i: size for i, size in there.items() if i not in too_large}
-        base = solve(gram, fit.prior, terms.groups, there)
+    plausible = {i: there[i] for i in there if i not in terms.select_faults(there, every)}
+    if len(plausible) < len(there):  # what no sensor does stands in for something else
+        base = solve(gram, fit.prior, terms.groups, plausible)
         every = _place(base, len(gram))
-    found = [
-        Fault(candidates[i - len(terms.groups)], every[terms.groups[i].columns])
-        for i in there
-        if terms.groups[i].odds == ODDS
-    ]
+    found = tuple(
+        Fault(one, every[terms.groups[i].columns]) for i in plausible if (one := terms.find(i))
+    )
     if not found:
-        return Faults((), estimate.coefficients, estimate.covariance, tuple(unseen), left_out)
+        return Faults((), estimate.coefficients, estimate.covariance, unseen, left_out)
+    return Faults(found, *_conclude(problem, estimate, found, base, every), unseen, left_out)
+
+
+def _leave_offsets(fit: _Linear, terms: _Terms, variance: float) -> Array:
+    """Cross-products over the variance; by the magnitude alone of what is left beside another field
+    at each station, which explains any fault of whole stations."""
+    gram = terms.gram / variance
+    if fit.problem.turns_known:
+        return gram
+    own = terms.changes.columns
+    shared, known = gram[:, own], np.diag(_KNOWN * np.diag(gram))
+    return gram - shared @ np.linalg.pinv(shared[own], hermitian=True) @ shared.T + known
+
+
+def _allow_for_changes(
+    fit: _Linear, terms: _Terms, gram: Array, changes: Sequence[float], a: int
+) -> tuple[Array, ...]:
+    """What a random step of each of `changes` before every station but the first adds to the
+    covariance (a, a): parts that would show count no more than the noise lets them."""
+    if fit.problem.turns_known or fit.problem.stations < 2:
+        return tuple(np.zeros((a, a)) for _ in changes)
+    groups = [*terms.groups, terms.changes._replace(columns=terms.changes.columns[1:])]
+    every = [{**fit.slow, **({len(groups) - 1: sd} if sd > 0.0 else {})} for sd in (0.0, *changes)]
+    plain, *wider = (solve(gram, fit.prior, groups, each).inverse[:a, :a] for each in every)
+    return tuple(each - plain for each in wider)
+
+
+def _conclude(
+    problem: StationProblem,
+    estimate: StationEstimate,
+    found: Sequence[Fault],
+    base: Base,
+    every: Array,
+) -> tuple[Array, Array]:
+    """Coefficients (a,) beside the faults, and their covariance: a sensor is on either side of a
+    step, or at the end of its ageing, half of it from the middle."""
+    a, constant = problem.layout.shape[1], (problem.degree + 1) * np.arange(3)
     covariance = base.inverse[:a, :a].copy()
     halves = [one.size / 2 for one in found if one.candidate.kind in (STEP, AGEING)]
     if len(estimate.ageing):
         first = a + len(estimate.drift)
         halves.append((estimate.ageing + every[first : first + 3]) / 2)
-    for half in halves:  # a sensor is on either side of a step, or at the end of its ageing
-        covariance[np.ix_([0, p, 2 * p], [0, p, 2 * p])] += np.outer(half, half)
-    found_at = estimate.coefficients + every[:a]
-    return Faults(tuple(found), found_at, covariance, tuple(unseen), left_out)
+    for half in halves:
+        covariance[np.ix_(constant, constant)] += np.outer(half, half)
+    return estimate.coefficients + every[:a], covariance
 
 
 def _place(base: Base, count: int) -> Array:
@@ -365,31 +411,6 @@ def _place(base: Base, count: int) -> Array:
     found = np.zeros(count)
     found[base.columns] = base.estimate
     return found
-
-
-def _shows_within(problem: StationProblem, candidate: Candidate) -> bool:
-    """Whether a fault is not the same throughout each station."""
-    each = (candidate.weight[problem.station == k] for k in range(problem.stations))
-    return candidate.kind in OF_TEMPERATURE or any(np.ptp(weight) > 0.01 for weight in each)
-
-
-def _keep_apart(
-    there: Mapping[int, float],
-    groups: Sequence[Group],
-    candidates: Sequence[Candidate],
-    time: Array,
-) -> dict[int, float]:
-    """Of steps at about the same moment the likeliest alone: others would share in it."""
-    kept, moments = dict[int, float](), list[float]()
-    near = 0.5 * float(np.ptp(time)) / len({one.station for one in candidates} | {0})
-    for i, size in there.items():
-        if groups[i].name == STEP:
-            moment = candidates[i - len(groups)].time
-            if any(abs(moment - other) < near for other in moments):
-                continue
-            moments.append(moment)
-        kept[i] = size
-    return kept
 
 
 def _rank_stations(problem: StationProblem, time: Array) -> Array:
