@@ -14,12 +14,12 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import estimate
 from agonic.maths.estimation.leastsq import inverse
 from agonic.thermal.fit.each_temperature import (
+    FEWEST,
     EachTemperature,
     choose_degree,
     fit_each_temperature,
 )
 from agonic.thermal.fit.problem import NO_LAG, ChamberReadings, Settings, make_problem
-from agonic.thermal.maths.ellipsoids import FEWEST
 from agonic.thermal.maths.estimate import (
     StationEstimate,
     estimate_by_magnitude,

@@ -185,12 +185,6 @@ def whiten(spaces: StationSpaces, sd: float, axes: tuple[Array, Array], values: 
 
 def find_principal_axes(spaces: StationSpaces, kind: Kind) -> tuple[Array, Array]:
     """Variances (c,) of a process of unit variance in the bases, and their directions (c, c)."""
-    size, axis = eigh(_project_covariance(spaces, kind), check_finite=False, driver="evd")
-    return np.maximum(size, 0.0), axis
-
-
-def _project_covariance(spaces: StationSpaces, kind: Kind) -> Array:
-    """Covariance (c, c) in the bases of a process of unit variance."""
     blocks = compute_covariance(spaces.course, kind)
     k, s = blocks.shape[:2]
     axes = spaces.triangles[0].shape[1] // s
@@ -201,7 +195,8 @@ def _project_covariance(spaces: StationSpaces, kind: Kind) -> Array:
         for n, (at, r) in enumerate(zip(spaces.parts, own, strict=True)):
             wide[at, n * s : (n + 1) * s] = r
         total += wide @ blocks.reshape(k * s, k * s) @ wide.T
-    return total
+    size, axis = eigh(total, check_finite=False, driver="evd")
+    return np.maximum(size, 0.0), axis
 
 
 def predict_changes(
