@@ -21,7 +21,7 @@ from scipy.special import chdtri
 from agonic.arrays import Array
 from agonic.maths.equation import temperature_model
 from agonic.maths.estimation.noise.residuals import robust_scale
-from agonic.model.average import Base, Group, Prior, choose, solve
+from agonic.model.average import Base, Group, Prior, choose, mix, price, solve
 from agonic.model.terms.time import TIME
 from agonic.thermal.maths import gaussian_process
 from agonic.thermal.maths.estimate import IMPLAUSIBLE, LIKELY, OUTLIER, RARE, StationEstimate
@@ -334,32 +334,32 @@ def find_faults(
         if one.kind in OF_ALL or one.station not in left_out
     ]
     terms = _list_terms(fit, time, candidates, fit.left)
-    there, variance = fit.slow, 1.0
+    ways, variance = [(0.0, fit.slow)], 1.0
     for turn in range(_ROUNDS if look else 0):
         if turn:  # until it is found a fault is scatter, and memory
+            there = ways[0][1]
             left, variance = _bound_outliers(fit, terms, there, time)
             if not terms.select_faults(there):
                 variance = max(variance, estimate.correlation)
             steps = [one for one in map(terms.find, there) if one and one.kind == STEP]
             near = [each for one in steps for each in _list_moments(problem, one, time)]
             terms = _list_terms(fit, time, [*near, *terms.candidates], left)
-        there, _ = choose(_leave_offsets(fit, terms, variance), fit.prior, terms.groups, {})
-        there = terms.keep_apart(there, 0.5 * float(np.ptp(time)) / problem.stations)
-        there |= {} if problem.turns_known else fit.slow
+        ways, tested = [], _leave_offsets(fit, terms, variance)
+        for start in ({}, fit.slow):  # slow changes hide faults, and faults slow changes
+            there, base = choose(tested, fit.prior, terms.groups, start)
+            likely = base.evidence + price(terms.groups, there)
+            there = terms.keep_apart(there, 0.5 * float(np.ptp(time)) / problem.stations)
+            ways.append((likely, {**there, **({} if problem.turns_known else fit.slow)}))
+        ways.sort(key=lambda way: -way[0])
     gram = terms.gram / variance
     unseen = _allow_for_changes(fit, terms, gram, changes, problem.layout.shape[1])
-    base = solve(gram, fit.prior, terms.groups, there)
-    every = _place(base, len(gram))
-    plausible = {i: there[i] for i in there if i not in terms.select_faults(there, every)}
-    if len(plausible) < len(there):  # what no sensor does stands in for something else
-        base = solve(gram, fit.prior, terms.groups, plausible)
-        every = _place(base, len(gram))
-    found = tuple(
-        Fault(one, every[terms.groups[i].columns]) for i in plausible if (one := terms.find(i))
-    )
+    made = [_conclude(fit, terms, gram, estimate, there) for _, there in ways]
+    found = made[0][0]
     if not found:
         return Faults((), estimate.coefficients, estimate.covariance, unseen, left_out)
-    return Faults(found, *_conclude(problem, estimate, found, base, every), unseen, left_out)
+    chances = np.exp([likely - ways[0][0] for likely, _ in ways])
+    averaged = mix(chances / chances.sum(), [(mean, spread) for _, mean, spread in made])
+    return Faults(found, *averaged, unseen, left_out)
 
 
 def _leave_offsets(fit: _Linear, terms: _Terms, variance: float) -> Array:
@@ -387,15 +387,21 @@ def _allow_for_changes(
 
 
 def _conclude(
-    problem: StationProblem,
-    estimate: StationEstimate,
-    found: Sequence[Fault],
-    base: Base,
-    every: Array,
-) -> tuple[Array, Array]:
-    """Coefficients (a,) beside the faults, and their covariance: a sensor is on either side of a
-    step, or at the end of its ageing, half of it from the middle."""
-    a, constant = problem.layout.shape[1], (problem.degree + 1) * np.arange(3)
+    fit: _Linear, terms: _Terms, gram: Array, estimate: StationEstimate, there: Mapping[int, float]
+) -> tuple[tuple[Fault, ...], Array, Array]:
+    """The faults among terms, coefficients (a,) beside them, and their covariance: a sensor is on
+    either side of a step, or at the end of its ageing, half of it from the middle."""
+    base = solve(gram, fit.prior, terms.groups, there)
+    every = _place(base, len(gram))
+    if too_large := terms.select_faults(there, every):  # they stand in for something else
+        left = {i: size for i, size in there.items() if i not in too_large}
+        return _conclude(fit, terms, gram, estimate, left)
+    found = tuple(
+        Fault(one, every[terms.groups[i].columns]) for i in there if (one := terms.find(i))
+    )
+    if not found:
+        return (), estimate.coefficients, estimate.covariance
+    a, constant = fit.problem.layout.shape[1], (fit.problem.degree + 1) * np.arange(3)
     covariance = base.inverse[:a, :a].copy()
     halves = [one.size / 2 for one in found if one.candidate.kind in (STEP, AGEING)]
     if len(estimate.ageing):
@@ -403,7 +409,7 @@ def _conclude(
         halves.append((estimate.ageing + every[first : first + 3]) / 2)
     for half in halves:
         covariance[np.ix_(constant, constant)] += np.outer(half, half)
-    return estimate.coefficients + every[:a], covariance
+    return found, estimate.coefficients + every[:a], covariance
 
 
 def _place(base: Base, count: int) -> Array:
