@@ -1,38 +1,38 @@
-"""What residuals hide of the bias, in its standard errors: a drift, the sunlight, a current.
+"""What the bias may follow that was not fitted: a drift, the sunlight, the temperature, a current.
 
-A drift, and a bias that goes with the sunlight in every orbit alike (currents of solar panels,
-heat), are terms of the one model, averaged over their size. A current that comes and goes
-within minutes follows no spline; without a ground calibration nine numbers take up its mean, and
-what is left is correlated in the residuals. The models of the field err for longer, by less, or in
+Each is a term of the one model: courses over the record that every axis of the bias may follow, of
+a size for which nature gives the scale. They share the residuals of one fit by evidence; what each
+may do to the bias is in its standard errors. A current that comes and goes within minutes follows
+no course; it is correlated in the residuals. The models of the field err for longer, by less, or in
 axes that do not turn with the sensor.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, expit
+from scipy.special import expit
 
-from agonic.arrays import Array, Index, Mask
+from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.health import Finding, figure
 from agonic.inflight.fit.covariance import OF_SENSOR, Estimate
 from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import find_start, fit_rows, state_errors
-from agonic.inflight.fit.terms import DEGREE
+from agonic.inflight.fit.terms import evaluate_spline, place_knots
+from agonic.maths.equation import polynomial
 from agonic.maths.estimation.leastsq import Solution, inverse
-from agonic.model.average import Base, Group, average
+from agonic.model.average import Group, Prior, average, choose, solve
 from agonic.model.terms.time import TIME
-from agonic.samples import Samples
 
 BIAS_DRIFT = next(term for term in TIME if term.name == "bias drift")
-"""What gives a drift, and what goes with the sunlight, its scale."""
+"""What gives all courses their scale."""
 LIKELY = 0.1
-"""Probability, before the readings are seen, of a drift that unseen blocks do not ask for, and of a
-bias that goes with the sunlight."""
-SIGNIFICANT = 1e-4
+"""Probability of each, before the readings are seen."""
+CERTAIN = 1 - 1e-9
 FEWEST = 0.05
 """Share of the record in sunlight, and in shadow, that tells one from the other."""
 SHORT_S, SHORTEST_S = 900.0, 60.0
@@ -43,91 +43,153 @@ SHARE = 0.25
 """Of the standard deviation of a residual."""
 
 
+class Course(NamedTuple):
+    """A row of the table: what the bias may follow, by name; its columns (n, q), None where the
+    record cannot tell; what helps, "" where nothing is said; whether the bias that is wanted is
+    that at the end of the course, rather than anywhere on it."""
+
+    name: str
+    find: Callable[[Problem, Estimate], Array | None]
+    move: str = ""
+    at_end: bool = False
+
+
+def _find_drift(problem: Problem, estimate: Estimate) -> Array | None:
+    terms = estimate.terms
+    if terms.splines or 1 not in estimate.held_out:  # asked for, or there already
+        return None
+    return evaluate_spline(problem.time, place_knots(terms.start, terms.stop, 1))
+
+
+def _find_sunlight(problem: Problem, _: Estimate) -> Array | None:
+    """Sunlight, and how high the Sun stands while it shines."""
+    eclipse, height = find_eclipse(problem.samples), find_sun_height(problem.samples)
+    if eclipse is None or height is None:
+        return None
+    if not FEWEST < float(eclipse[problem.used].mean()) < 1 - FEWEST:
+        return None
+    return np.column_stack([1.0 - eclipse, np.where(eclipse, 0.0, height)])
+
+
+def _find_temperature(problem: Problem, estimate: Estimate) -> Array | None:
+    celsius = problem.samples.temperature
+    if celsius is None or estimate.terms.degree or not np.ptp(celsius) > 0:
+        return None
+    return polynomial.powers((celsius - celsius.mean()) / np.ptp(celsius), 2)[:, 1:]
+
+
+COURSES = (
+    Course("drift", _find_drift, at_end=True),
+    Course(
+        "sunlight",
+        _find_sunlight,
+        "record the currents of the solar panels and the temperature beside the sensor, and fit "
+        "with them (--with, --temperature); beside an attitude, check that as well",
+    ),
+    Course(
+        "temperature",
+        _find_temperature,
+        "fit with it (--temperature 1), or start from a calibration over temperature",
+    ),
+)
+
+
 def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, list[Finding]]:
     """The estimate with a covariance grown by what its residuals do not show, and what is said.
 
+    A spline in time is averaged over its size: the calibration is that at the end of the record.
     Of a record that is fitted in pieces, `problem` holds the rows in memory.
     """
-    estimate, found = allow_for_sunlight(problem, allow_for_drift(problem, estimate))
-    short = measure_short_error(estimate)
-    if short:  # the bias found is that of the mean; at any moment it is off by what is on then
-        estimate = _grow(estimate, short**2 * np.eye(3))
-        found.append(
-            Finding(
-                "switching current",
-                "check",
-                f"residuals contain {figure(short * problem.magnitude)} nT that are correlated "
-                f"over minutes, as from a switched current that was not recorded; the standard "
-                f"error of the bias includes them",
-                "record the currents on board and fit with them (--with), or leave out when they "
-                "flowed",
+    found, unit = [], problem.magnitude
+    if estimate.terms.splines:
+        spline = estimate.layout.bias_columns(slice(estimate.terms.splines)).ravel()
+        averaged = average_over_size(estimate.solution, spline)
+        estimate = estimate._replace(solution=averaged)
+    sd = np.sqrt(np.diag(estimate.solution.covariance)[:3].max())
+    for course, there, square in weigh_courses(problem, estimate):
+        estimate = _grow(estimate, square)
+        size = float(np.sqrt(np.trace(square)))
+        if there and course.move and size > sd:
+            what = (
+                f"the bias follows the {course.name}, by {figure(size * unit)} nT (rms over the "
+                "record), which its standard error includes"
             )
+            found.append(Finding(course.name, "check", what, course.move))
+    if short := measure_short_error(estimate):
+        # the bias found is that of the mean; at any moment it is off by what is on then
+        estimate = _grow(estimate, short**2 * np.eye(3))
+        what = (
+            f"residuals contain {figure(short * unit)} nT that are correlated over minutes, as "
+            "from a switched current that was not recorded; the standard error of the bias "
+            "includes them"
         )
+        move = "record the currents on board and fit with them (--with), or leave out when they "
+        found.append(Finding("switching current", "check", what, f"{move}flowed"))
     return estimate, found
 
 
-def allow_for_drift(problem: Problem, estimate: Estimate) -> Estimate:
-    """The estimate averaged over how large its drift is; that of a bias that was chosen to be
-    constant grown by the drift that it may have.
-
-    The calibration is that at the end of the record, and so is what the drift adds to it. Nothing
-    changes where a number of no intervals was given.
-    """
-    if estimate.terms.splines:
-        drift = _find_columns(estimate, 0, estimate.terms.splines)
-        averaged, _ = average_over_size(estimate.solution, drift, 1 - 1e-9)
-        return estimate._replace(solution=averaged)
-    if 1 not in estimate.held_out:
-        return estimate
-    fitted = fit_rows(problem, find_start(problem), problem.used, 1)
-    other = state_errors(problem, fitted, alternative=True)
-    own = _find_columns(other, 0, other.terms.splines)
-    found, _ = average_over_size(other.solution, own, LIKELY)
-    by = np.kron(np.eye(3), other.terms.last[: other.terms.splines])
-    moved = by @ found.params[own]
-    return _grow(estimate, np.outer(moved, moved) + by @ found.covariance[np.ix_(own, own)] @ by.T)
-
-
-def allow_for_sunlight(problem: Problem, estimate: Estimate) -> tuple[Estimate, list[Finding]]:
-    """The estimate with the bias' standard errors grown by what the sunlight may do to it.
-
-    Nothing changes where sunlight and shadow cannot be told, or too little of one was seen.
-    """
-    terms = _list_terms(problem.samples, problem.used)
-    if not terms:
-        return estimate, []
-    samples = problem.samples.with_columns(disturbers={**problem.samples.disturbers, **terms})
-    settings = replace(problem.settings, sources=(*problem.settings.sources, *terms))
-    lit = replace(problem, samples=samples, settings=settings)
+def weigh_courses(problem: Problem, estimate: Estimate) -> Iterator[tuple[Course, bool, Array]]:
+    """The courses that the record can tell, whether each is there beside the others, and the mean
+    square (3, 3) that it adds to the error of the bias."""
+    used = problem.used
+    found = {course: course.find(problem, estimate) for course in COURSES}
+    known = {course: x - x[used].mean(axis=0) for course, x in found.items() if x is not None}
+    if not known:
+        return
+    columns = np.hstack([*known.values()])
+    named = {f"course_{k}": values for k, values in enumerate(columns.T)}
+    beside = problem.with_sources(named, problem.settings.sources)
     try:
-        intervals = max(estimate.terms.splines - DEGREE + 1, 0)
-        fitted = fit_rows(lit, find_start(lit), lit.used, intervals)
-        other = state_errors(lit, fitted, alternative=True)
+        fitted = fit_rows(beside, find_start(beside), used, estimate.terms.intervals)
+        other = state_errors(beside, fitted, alternative=True)
     except AgonicError:  # too few rows for so many terms
-        return estimate, []
-    count, before = len(terms), estimate.solution
-    own = _find_columns(other, other.layout.bias_terms - count, other.layout.bias_terms)
-    found, odds = average_over_size(other.solution, own, LIKELY)
-    term, mean = other.solution.params[own], found.params
-    chi2 = term @ inverse(other.solution.covariance[np.ix_(own, own)]) @ term
-    columns = np.stack(list(terms.values()), axis=1)[problem.used] / other.terms.spread[-count:]
-    seen = mean[own].reshape(3, count)
-    swing = seen @ (columns.T @ columns / len(columns)) @ seen.T
-    moved = mean[:3] - before.params[:3]
-    size, sd = np.sqrt(np.trace(swing)), np.sqrt(np.diag(before.covariance)[:3].max())
-    said = []
-    if chdtrc(len(own), chi2) < SIGNIFICANT and size > sd:
-        said.append(
-            Finding(
-                "sunlight",
-                "check",
-                f"the bias follows the sunlight, by {figure(float(size) * problem.magnitude)} nT "
-                "(rms over the record), which its standard error includes",
-                "record the currents of the solar panels and the temperature beside the sensor, "
-                "and fit with them (--with, --temperature); beside an attitude, check that as well",
-            )
-        )
-    return _grow(estimate, swing + expit(odds) * np.outer(moved, moved)), said
+        return
+    columns, first = columns[used] / other.terms.spread[-len(named) :], -len(named)
+    parts = [slice(first, first := first + x.shape[1]) for x in known.values()]
+    parts = [slice(part.start, part.stop or None) for part in parts]
+    own = [other.layout.bias_columns(part).ravel() for part in parts]
+    gram, _, prior, groups = _arrange(other.solution, own, LIKELY)
+    there, _ = choose(gram, prior, groups, {})
+    for i, (course, part, group) in enumerate(zip(known, parts, groups, strict=True)):
+        term = average(gram, solve(gram, prior, groups, there, i), group)
+        x = columns[-1:, part] if course.at_end else columns[:, part]
+        q = x.shape[1]
+        square = np.einsum("iajb,na,nb->ij", term.square.reshape(3, q, 3, q), x, x) / len(x)
+        moved = float(np.sqrt(expit(term.odds))) * term.alias[:3] @ term.mean
+        yield course, i in there, square + np.outer(moved, moved)
+
+
+def average_over_size(solution: Solution, own: Index) -> Solution:
+    """A solution averaged over the size of the term whose coefficients are `own`."""
+    gram, order, prior, groups = _arrange(solution, [own], CERTAIN)
+    base = solve(gram, prior, groups, {})
+    term = average(gram, base, groups[0])
+    m, onto = len(base.columns), np.vstack([-term.alias, np.eye(len(own))])
+    params, covariance = onto @ term.mean, onto @ term.covariance @ onto.T
+    params[:m] += base.estimate
+    covariance[:m, :m] += base.inverse
+    back = np.argsort(order)
+    return solution._replace(params=params[back], covariance=covariance[np.ix_(back, back)])
+
+
+def _arrange(
+    solution: Solution, own: list[Index], odds: float
+) -> tuple[Array, Index, Prior, list[Group]]:
+    """Cross-products of a solution with the coefficients of terms last, their order, no prior on
+    the others, and the terms as groups."""
+    information = inverse(solution.covariance)
+    right = information @ solution.params
+    others = np.setdiff1d(np.arange(len(right)), np.concatenate(own))
+    order = np.concatenate([others, *own])
+    gram = np.block([[information, right[:, None]], [right, solution.params @ right]])
+    places = np.append(order, len(right))
+    stops = len(others) + np.cumsum([len(one) for one in own])
+    groups = [
+        Group("", np.arange(stop - len(one), stop), BIAS_DRIFT.scale, odds, BIAS_DRIFT.most)
+        for one, stop in zip(own, stops, strict=True)
+    ]
+    m = len(others)
+    return gram[np.ix_(places, places)], order, Prior(np.zeros((m, m)), np.zeros(m), 0.0), groups
 
 
 def measure_short_error(estimate: Estimate) -> float:
@@ -138,42 +200,6 @@ def measure_short_error(estimate: Estimate) -> float:
         variance += error.variance * (error.time_s < limit)
     sd = float(np.sqrt(variance))
     return sd if sd > max(LARGE, SHARE * estimate.noise["magnitude"].sd) else 0.0
-
-
-def _list_terms(samples: Samples, used: Mask) -> dict[str, Array]:
-    """Sunlight and how high the Sun stands while it shines (n,), each less its mean."""
-    eclipse, height = find_eclipse(samples), find_sun_height(samples)
-    if eclipse is None or height is None:
-        return {}
-    share = float(eclipse[used].mean())
-    if not FEWEST < share < 1 - FEWEST:
-        return {}
-    shine = {"sunlight": 1.0 - eclipse, "sun_height": np.where(eclipse, 0.0, height)}
-    return {name: values - values[used].mean() for name, values in shine.items()}
-
-
-def _find_columns(estimate: Estimate, first: int, last: int) -> Index:
-    """Where the coefficients of some terms of the bias are among the parameters, axis by axis."""
-    numbers = np.arange(estimate.layout.parameters, dtype=np.float64)
-    return estimate.layout.biases(numbers)[:, first:last].ravel().astype(np.intp)
-
-
-def average_over_size(solution: Solution, own: Index, odds: float) -> tuple[Solution, float]:
-    """A solution averaged over the size of the term whose coefficients are `own`, at the scale that
-    a drift has by nature, and the log-odds that it is there; `odds` those before."""
-    information = inverse(solution.covariance)
-    right = information @ solution.params
-    gram = np.block([[information, right[:, None]], [right, solution.params @ right]])
-    others = np.setdiff1d(np.arange(len(right)), own)
-    known = inverse(information[np.ix_(others, others)])
-    base = Base(others, known, known @ right[others], 0.0)
-    term = average(gram, base, Group("", own, BIAS_DRIFT.scale, odds, BIAS_DRIFT.most))
-    onto = np.zeros((len(right), len(own)))
-    onto[own], onto[others] = np.eye(len(own)), -term.alias
-    params, covariance = onto @ term.mean, onto @ term.covariance @ onto.T
-    params[others] += base.estimate
-    covariance[np.ix_(others, others)] += known
-    return solution._replace(params=params, covariance=covariance), term.odds
 
 
 def _grow(estimate: Estimate, added: Array) -> Estimate:

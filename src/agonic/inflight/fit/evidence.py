@@ -10,8 +10,8 @@ import numpy as np
 
 from agonic.health import Finding, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit import likely_causes
-from agonic.inflight.fit.bias_doubts import MANY, judge_ground_axes, judge_step
 from agonic.inflight.fit.ground_errors import states_covariance
+from agonic.inflight.fit.interval_choice import find_step, sum_stretches
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import find_start, fit_rows
 from agonic.inflight.fit.terms import DEGREE
@@ -27,27 +27,50 @@ GRAVITY_M3_S2 = 3.986004418e14
 WITHIN = 1 / 3
 """Share of an orbit below which an interval of the bias follows the orbit: a spline needs four for
 what goes round once, and two hold slow heat too."""
+MANY = 4
+"""Intervals of the bias from which a step, or other gains, are looked for in their place."""
+STEP_WORSE = 1.05
+"""Residuals with a step over those with the spline, up to which it explains them as well."""
+BETTER = 0.97
+"""And over those with a steady drift, from which on it is a step."""
+LEAST = 0.005
+"""Change of the mean gain from which it is spoken of: what shrinks one axis alone is another."""
+HEIGHTS = 0.015
+"""Change of the mean gain below which heights may be off instead, by 35 km: F falls with r³."""
+SUSPICIOUS = 0.003
+"""Scatter over the field's magnitude from which the usual mistakes are tried."""
+MOSTLY = 0.8
+"""Share of the residual that is correlated, from which the same is done, however small it is."""
+LARGE = 0.015
+"""Scatter over the field's magnitude from which the reference itself is doubted."""
+UNDETERMINED = 0.02
+"""Standard error of a bias over the magnitude from which it is called undetermined."""
+OUTLIERS_DOUBTFUL = 0.1
+ATTITUDE_DOUBTFUL_DEG = 5.0
 
 
-def swings_with_orbit(fit: InflightFit, samples: Samples) -> bool:
-    """Whether the spline of the bias has more than three intervals in an orbit."""
-    period = find_period_s(samples)
-    return period is not None and 0.0 < _interval_s(fit) < WITHIN * period
-
-
-def judge_swing_with_orbit(fit: InflightFit, samples: Samples) -> Iterator[Finding]:
-    """A bias that changes within an orbit as only what goes round with it does."""
-    period = find_period_s(samples)
-    if period is not None and swings_with_orbit(fit, samples):
-        yield Finding(
-            "bias follows the orbit",
-            "check",
-            f"the bias needs a knot every {figure(_interval_s(fit) / 60)} min, and an orbit takes "
-            f"{figure(period / 60)}: rather than the bias of the sensor it follows an error of the "
-            "clock or the track, sunlight, or heat, and its standard errors do not hold",
-            "check clock, date and heights; fit with the temperature and the currents on board "
-            "(--temperature, --with), and where the bias changes slowly give --knots",
-        )
+def examine(
+    fit: InflightFit, problem: Problem, samples: Samples, allowed: Sequence[Finding] = ()
+) -> InflightFit:
+    """The fit with findings, refusals first, and remarks; `allowed` is said of what the standard
+    errors were grown by.
+    """
+    gain = find_other_gain(fit, problem)
+    by_gains = abs(gain - 1) >= max(HEIGHTS, LEAST)
+    found = [
+        *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
+        *_reference(fit, problem, samples),
+        *_judge_gains(fit, gain),
+        *(() if by_gains else likely_causes.judge_ground_axes(fit, problem, samples)),
+        *(() if by_gains else _judge_course(fit, problem, samples)),
+        *allowed,
+        *filter(None, [check_scale(mean_gain(fit.after.matrix), fit.after.unit_in)]),
+        *_judge_rows(fit, samples),
+        *_check_undetermined(fit, problem.magnitude),
+        *list_torquer_findings(problem.torquers),
+    ]
+    fit = replace(fit, findings=sort_findings(found))
+    return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, problem))
 
 
 def find_period_s(samples: Samples) -> float | None:
@@ -65,16 +88,46 @@ def find_period_s(samples: Samples) -> float | None:
     return float(2 * np.pi * np.sqrt(radius**3 / GRAVITY_M3_S2))
 
 
-def _interval_s(fit: InflightFit) -> float:
-    if not fit.drift.changes:
-        return 0.0
-    return (fit.drift.stop - fit.drift.start) / fit.drift.intervals
+def _find_swing_s(fit: InflightFit, samples: Samples) -> tuple[float, float] | None:
+    """The interval of the bias, s, and the orbit's period, where there are more than three in an
+    orbit; else None."""
+    period = find_period_s(samples)
+    if period is None or not fit.drift.changes:
+        return None
+    interval = (fit.drift.stop - fit.drift.start) / fit.drift.intervals
+    return (interval, period) if interval < WITHIN * period else None
 
 
-LEAST = 0.005
-"""Change of the mean gain from which it is spoken of: what shrinks one axis alone is another."""
-HEIGHTS = 0.015
-"""Change of the mean gain below which heights may be off instead, by 35 km."""
+def _judge_course(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
+    """A bias whose many intervals one step explains as well, or that changes within an orbit as
+    only what goes round with it does."""
+    count, swing = fit.drift.intervals, _find_swing_s(fit, samples)
+    if count >= MANY:
+        plain = replace(problem, direction=None)
+        smooth = fit_rows(plain, find_start(plain), problem.used, count)
+        step = find_step(sum_stretches(plain, smooth, count), count)
+        if step.left <= min(STEP_WORSE, BETTER * step.left_by_drift):
+            at_s = fit.drift.start + step.time * (fit.drift.stop - fit.drift.start)
+            yield Finding(
+                "bias stepped",
+                "check",
+                f"the bias stepped by {figure(step.size * problem.magnitude)} nT near "
+                f"t = {at_s:.0f} s, which explains the record as well as the {count} intervals of "
+                "the bias do",
+                "see what was switched, moved or exchanged then, and fit before and after it apart "
+                "(--between)",
+            )
+            return
+    if swing is not None:
+        yield Finding(
+            "bias follows the orbit",
+            "check",
+            f"the bias needs a knot every {figure(swing[0] / 60)} min, and an orbit takes "
+            f"{figure(swing[1] / 60)}: rather than the bias of the sensor it follows an error of "
+            "the clock or the track, sunlight, or heat, and its standard errors do not hold",
+            "check clock, date and heights; fit with the temperature and the currents on board "
+            "(--temperature, --with), and where the bias changes slowly give --knots",
+        )
 
 
 def find_other_gain(fit: InflightFit, problem: Problem) -> float:
@@ -96,59 +149,17 @@ def find_other_gain(fit: InflightFit, problem: Problem) -> float:
     return float(np.mean(constant.solution.params[3:6]))
 
 
-def judge_gains(fit: InflightFit, gain: float) -> Iterator[Finding]:
+def _judge_gains(fit: InflightFit, gain: float) -> Iterator[Finding]:
     """That the gains are other than on the ground, by how much."""
-    if abs(gain - 1) < LEAST:
-        return
-    yield Finding(
-        "gains changed",
-        "check",
-        f"gains that are {figure(100 * abs(gain - 1))} % off those of the ground explain the "
-        f"record as well as the {fit.drift.intervals} intervals of the bias do",
-        "check units and the magnitude that the ground calibration was made for, and heights; "
-        'solve for the matrix too (solve="full", --solve full)',
-    )
-
-
-SUSPICIOUS = 0.003
-"""Scatter over the field's magnitude from which the usual mistakes are tried."""
-MOSTLY = 0.8
-"""Share of the residual that is correlated, from which the same is done, however small it is."""
-LARGE = 0.015
-"""Scatter over the field's magnitude from which the reference itself is doubted."""
-UNDETERMINED = 0.02
-"""Standard error of a bias over the magnitude from which it is called undetermined."""
-OUTLIERS_DOUBTFUL = 0.1
-ATTITUDE_DOUBTFUL_DEG = 5.0
-
-
-def examine(
-    fit: InflightFit, problem: Problem, samples: Samples, allowed: Sequence[Finding] = ()
-) -> InflightFit:
-    """The fit with findings, refusals first, and remarks; `allowed` is said of what the standard
-    errors were grown by.
-    """
-    gain = find_other_gain(fit, problem)
-    gains = list(judge_gains(fit, gain))
-    # heights that are off by tens of kilometres would do the same: F falls with r³
-    by_gains = bool(gains) and abs(gain - 1) >= HEIGHTS
-    step = () if by_gains else tuple(judge_step(fit, problem))
-    found = [
-        *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
-        *_reference(fit, problem, samples),
-        *gains,
-        *(() if by_gains else judge_ground_axes(fit, problem, samples)),
-        *(() if by_gains else step or judge_swing_with_orbit(fit, samples)),
-        *allowed,
-        *filter(None, [check_scale(mean_gain(fit.after.matrix), fit.after.unit_in)]),
-        *_axes(samples),
-        *_check_undetermined(fit, problem.magnitude),
-        *_outliers(fit),
-        *_check_attitude(fit),
-        *list_torquer_findings(problem.torquers),
-    ]
-    fit = replace(fit, findings=sort_findings(found))
-    return fit if fit.verdict == "refused" else replace(fit, remarks=_remarks(fit, problem))
+    if abs(gain - 1) >= LEAST:
+        yield Finding(
+            "gains changed",
+            "check",
+            f"gains that are {figure(100 * abs(gain - 1))} % off those of the ground explain the "
+            f"record as well as the {fit.drift.intervals} intervals of the bias do",
+            "check units and the magnitude that the ground calibration was made for, and heights; "
+            'solve for the matrix too (solve="full", --solve full)',
+        )
 
 
 def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
@@ -159,7 +170,7 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator
         return
     mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
     small = fit.noise < SUSPICIOUS * problem.magnitude
-    if small and not mostly_lasting and not swings_with_orbit(fit, samples):
+    if small and not mostly_lasting and _find_swing_s(fit, samples) is None:
         return
     cause = likely_causes.find_likely_cause(fit, problem, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"
@@ -171,18 +182,6 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator
             "check",
             f"{what}: much more than errors of models",
             "check times, positions, units and the date; look for currents on board",
-        )
-
-
-def _axes(samples: Samples) -> Iterator[Finding]:
-    """Readings that were turned into axes of the Earth."""
-    if samples.frame == "n":
-        yield Finding(
-            "axes of the Earth",
-            "check",
-            "the readings are components north, east and down, so bias and gains of a sensor "
-            "cannot be found from them",
-            "give the readings in the axes of the sensor",
         )
 
 
@@ -202,7 +201,16 @@ def _check_undetermined(fit: InflightFit, magnitude: float) -> Iterator[Finding]
     )
 
 
-def _outliers(fit: InflightFit) -> Iterator[Finding]:
+def _judge_rows(fit: InflightFit, samples: Samples) -> Iterator[Finding]:
+    """Readings in axes of the Earth, readings left out, an attitude that the field contradicts."""
+    if samples.frame == "n":
+        yield Finding(
+            "axes of the Earth",
+            "check",
+            "the readings are components north, east and down, so bias and gains of a sensor "
+            "cannot be found from them",
+            "give the readings in the axes of the sensor",
+        )
     share = 1.0 - np.count_nonzero(fit.weights > 0) / max(fit.n, 1)
     if share > OUTLIERS_DOUBTFUL:
         yield Finding(
@@ -211,21 +219,14 @@ def _outliers(fit: InflightFit) -> Iterator[Finding]:
             f"{figure(100 * share)} % of the readings do not fit and were left out",
             "exclude the times when torquers or transmitters were on",
         )
-
-
-def _check_attitude(fit: InflightFit) -> Iterator[Finding]:
-    """An attitude that the field contradicts."""
-    if fit.direction_error_deg is None:
-        return
-    middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
-    if middle < ATTITUDE_DOUBTFUL_DEG:
-        return
-    yield Finding(
-        "attitude in flight",
-        "check" if middle < 4 * ATTITUDE_DOUBTFUL_DEG else "refuse",
-        f"the field misses its direction by {figure(middle)}° (median)",
-        "check the attitude: its order of turns, its sign, its time; fit the magnitude alone",
-    )
+    off = fit.median_direction_error_deg or 0.0
+    if off >= ATTITUDE_DOUBTFUL_DEG:
+        yield Finding(
+            "attitude in flight",
+            "check" if off < 4 * ATTITUDE_DOUBTFUL_DEG else "refuse",
+            f"the field misses its direction by {figure(off)}° (median)",
+            "check the attitude: its order of turns, its sign, its time; fit the magnitude alone",
+        )
 
 
 def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
@@ -252,20 +253,12 @@ def _remarks(fit: InflightFit, problem: Problem) -> tuple[str, ...]:
         ends, _ = fit.drift.at(np.array([fit.drift.start, fit.drift.stop]))
         moved = float(np.linalg.norm(ends[1] - ends[0]))
         said.append(f"the bias drifted by {figure(moved)} nT over the record")
-    if fit.direction_error_deg is not None:
-        middle = float(np.median(fit.direction_error_deg[fit.weights > 0]))
-        said.append(f"the field misses its direction by {figure(middle)}° (median)")
-    said.append(f"residuals: {figure(fit.noise)} nT{_describe_correlation(fit)}")
-    return tuple(said)
-
-
-def _describe_correlation(fit: InflightFit) -> str:
-    """How much of the residuals is correlated, for how long, and what that costs."""
-    if fit.correlation < 1.05:
-        return ""
-    of = (
-        f", of which {figure(fit.lasting_nT)} nT are correlated over {figure(fit.lasting_s)} s"
-        if fit.lasting_s
-        else ""
-    )
-    return f"{of} (effective sample size: 1/{figure(fit.correlation)} of the readings)"
+    if (off := fit.median_direction_error_deg) is not None:
+        said.append(f"the field misses its direction by {figure(off)}° (median)")
+    lasts = ""
+    if fit.correlation >= 1.05:
+        lasts = f" (effective sample size: 1/{figure(fit.correlation)} of the readings)"
+        if fit.lasting_s:
+            size, long = figure(fit.lasting_nT), figure(fit.lasting_s)
+            lasts = f", of which {size} nT are correlated over {long} s{lasts}"
+    return *said, f"residuals: {figure(fit.noise)} nT{lasts}"

@@ -13,7 +13,7 @@ from agonic.errors import AgonicError
 from agonic.field.place import describe_missing, field_along
 from agonic.inflight.fit import evidence
 from agonic.inflight.fit.allowances import allow_for_unseen
-from agonic.inflight.fit.decay import follow_commands, leave_out_settling
+from agonic.inflight.fit.decay import settle_torquers
 from agonic.inflight.fit.pointing import expect_direction, find_direction_e
 from agonic.inflight.fit.problem import (
     Attitude,
@@ -26,7 +26,7 @@ from agonic.inflight.fit.problem import (
 )
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import find_estimate
-from agonic.inflight.fit.torquers import measure_since_switch
+from agonic.inflight.fit.torquers import Switches
 from agonic.reference import Reference
 from agonic.samples import Samples
 
@@ -108,12 +108,9 @@ def fit_inflight(
     settings = make_settings(locals())
     problem = _pose_problem(samples, reference, ground, exclude, settings)
     problem, estimate = find_estimate(problem)
-    problem, estimate = follow_commands(problem, estimate)
-    since = measure_since_switch(problem.samples, problem.torquers.commands)
+    since = Switches(problem.torquers.commands).measure_since(problem.samples)
     step_s = float(np.median(np.diff(problem.time)))
-    settled = leave_out_settling(problem, estimate, since, step_s)
-    if settled is not problem:
-        problem, estimate = find_estimate(settled)
+    problem, estimate = settle_torquers(problem, estimate, since, step_s, follows=True)
     estimate, found = allow_for_unseen(problem, estimate)
     return evidence.examine(build_result(problem, estimate, samples), problem, samples, found)
 

@@ -1,4 +1,6 @@
-"""How many intervals the bias needs in time: as many as make unseen readings fit better.
+"""How many intervals the bias needs in time, and whether one step would do in their place.
+
+As many as make unseen readings fit better.
 
 Readings are summed up over short stretches of time as cross-products G = [J r]ᵀ[J r] about a fit,
 in which a spline with any number of intervals is a bias that is constant over each stretch. So
@@ -34,6 +36,8 @@ BLOCKS_AN_INTERVAL = 4
 _FEWEST_BLOCKS = 10
 _STRETCHES_A_BLOCK = 8
 _ROUNDS = 3
+PLACES = 40
+"""Places of a step that are tried first."""
 
 
 class Stretches(NamedTuple):
@@ -64,11 +68,10 @@ def choose_intervals(
             raise AgonicError(f"drift_knots is {asked}; it counts intervals, 0 for a constant bias")
         return fit(asked), {}
     candidates = list_candidates(int(problem.used.sum()))
-    count = max(BLOCKS_AN_INTERVAL * candidates[-1], _FEWEST_BLOCKS)
     best = 0
     for _ in range(_ROUNDS):
         estimate = fit(best)
-        found, errors = _compare(candidates, sum_stretches(problem, estimate, count))
+        found, errors = _compare(candidates, sum_stretches(problem, estimate, candidates[-1]))
         if found == best:
             return estimate, errors
         best = found
@@ -85,16 +88,14 @@ def list_candidates(rows: int) -> list[int]:
     return [0, *(k for k in doublings if rows > ROWS_AN_INTERVAL * (k + DEGREE))]
 
 
-def sum_stretches(problem: Problem, estimate: Estimate, blocks: int) -> Stretches:
-    """The rows used, in so many blocks, about an estimate with any spline."""
+def sum_stretches(problem: Problem, estimate: Estimate, intervals: int) -> Stretches:
+    """The rows used, in blocks for at most so many intervals, about an estimate with any spline."""
     params, layout, terms = estimate.solution.params, estimate.layout, estimate.terms
     noise = estimate.noise["magnitude"]
     splines = np.zeros(layout.parameters, dtype=bool)
-    for axis in range(3):
-        first = layout.constants + axis * layout.bias_terms
-        splines[first : first + terms.splines] = True
+    splines[layout.bias_columns(slice(terms.splines))] = True
     used = np.flatnonzero(problem.used)
-    count = blocks * _STRETCHES_A_BLOCK
+    count = max(BLOCKS_AN_INTERVAL * intervals, _FEWEST_BLOCKS) * _STRETCHES_A_BLOCK
     stretch = used * count // len(problem.used)
     m = int((~splines).sum())
     gram = np.zeros((count, m + 1, m + 1))
@@ -152,6 +153,39 @@ def compute_certainty(before: Array, after: Array) -> float:
     gained = before - after
     spread = float(np.std(gained, ddof=1)) * np.sqrt(len(gained))
     return float(gained.sum() / max(spread, 1e-300))
+
+
+class Step(NamedTuple):
+    """When the bias stepped, 0 to 1, and by how much over the field; what is left with the step,
+    and with a steady drift in its place, over what the spline leaves."""
+
+    time: float
+    size: float
+    left: float
+    left_by_drift: float
+
+
+def find_step(stretches: Stretches, intervals: int) -> Step:
+    """The step that explains the magnitude best, beside a bias that is constant otherwise: among
+    places over the record, and then among all stretches around the best of them."""
+    seconds, whole = stretches.time, np.ones(len(stretches.time), dtype=bool)
+
+    def measure(course: Array) -> tuple[float, float]:
+        basis = course - course.mean(axis=0)
+        moved = _solve(stretches, basis, whole)
+        square = np.einsum("si,sij,sj->", moved, stretches.gram, moved, optimize=True)
+        return float(np.sqrt(square)), float(np.linalg.norm(moved[-1, :3] - moved[0, :3]))
+
+    def place(after: int) -> tuple[float, float, int]:
+        return *measure((seconds >= seconds[after])[:, None] * 1.0), after
+
+    by_spline, _ = measure(evaluate_spline(seconds, place_knots(0.0, 1.0, intervals)))
+    by_drift, _ = measure(seconds[:, None])
+    last, wide = len(seconds) - 2, max(len(seconds) // PLACES, 1)
+    near = min(place(k) for k in range(wide, last, wide))[2]
+    left, size, after = min(place(k) for k in range(max(near - wide, 2), min(near + wide, last)))
+    middle = float(seconds[after - 1] + seconds[after]) / 2
+    return Step(middle, size, left / by_spline, by_drift / by_spline)
 
 
 def _squares_unseen(stretches: Stretches, intervals: int) -> Array:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import timedelta
-from typing import IO, Any, NamedTuple, Protocol
+from typing import IO, NamedTuple, Protocol
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index
 from agonic.errors import AgonicError, LogError
 from agonic.field.decimal_year import decimal_year
 from agonic.field.place import choose_model, describe_missing
@@ -41,31 +41,28 @@ class Known(NamedTuple):
     magnitudes: Array
     direction_e: Array | None
 
+    @classmethod
+    def read(cls, cache: IO[bytes], n: int) -> Known:
+        """The next n readings of the cache, as they were written."""
+        magnitudes = np.fromfile(cache, count=n)
+        direction_e = np.fromfile(cache, dtype=np.float32, count=3 * n).reshape(n, 3)
+        unknown = np.isnan(direction_e[0, 0])
+        return cls(magnitudes, None if unknown else direction_e.astype(np.float64))
 
-def write_known(cache: IO[bytes], known: Known) -> None:
-    """Append to the cache."""
-    n = len(known.magnitudes)
-    direction_e = np.full((n, 3), np.nan) if known.direction_e is None else known.direction_e
-    known.magnitudes.tofile(cache)
-    direction_e.astype(np.float32).tofile(cache)
-
-
-def read_known(cache: IO[bytes], n: int) -> Known:
-    """The next n readings of the cache, as they were written."""
-    magnitudes = np.fromfile(cache, count=n)
-    direction_e = np.fromfile(cache, dtype=np.float32, count=3 * n).reshape(n, 3)
-    return Known(
-        magnitudes, None if np.isnan(direction_e[0, 0]) else direction_e.astype(np.float64)
-    )
+    def write(self, cache: IO[bytes]) -> None:
+        """Append to the cache."""
+        self.magnitudes.tofile(cache)
+        unknown = np.full((len(self.magnitudes), 3), np.nan)
+        direction_e = unknown if self.direction_e is None else self.direction_e
+        direction_e.astype(np.float32).tofile(cache)
 
 
 class Scan(NamedTuple):
-    """What the first pass found: rows every `stride`-th with what is known there, seconds between
-    two, what later passes need not read, and what told the field."""
+    """What the first pass found: rows every `stride`-th with what is known there and the seconds
+    `since` a switch, seconds between two, what later passes need not read, what told the field."""
 
     samples: Samples
-    magnitudes: Array
-    direction_e: Array | None
+    known: Known
     since: Array
     stride: int
     step_s: float
@@ -77,47 +74,72 @@ def scan_recording(
     recording: Recording, cache: IO[bytes], scalar: bool, settings: Settings, progress: Progress
 ) -> Scan:
     """The first pass: magnitudes into the cache, and rows for the fit in memory."""
-    model = _Model()
-    magnitude = _scalar if scalar else model
-    thin, done, count, clean, step = _ThinnedRows(), 0, 0, True, 0.0
+    find_field = _Scalar() if scalar else _Model()
+    stride = 1 << max(int(np.ceil(np.log2(max(recording.rows, 1) / MOST))), 0)
+    done, count, clean, step = 0, 0, True, 0.0
     switches: Switches | None = None
+    kept: list[tuple[Samples, Known, Array]] = []
+    last: tuple[Samples, Known, Array] | None = None
     for samples in recording.pieces():
         if samples.time is None:
             raise AgonicError("a fit in flight needs times; the log has none")
         if not step and len(samples) > 1:
             step = float(np.median(np.diff(samples.time)))
-        known = magnitude(samples)
-        values = np.where(
-            select_rows(samples, None, settings.latitude_deg), known.magnitudes, np.nan
-        )
-        known = known._replace(magnitudes=values)
-        write_known(cache, known)
+        known = find_field(samples)
+        taken = select_rows(samples, None, settings.latitude_deg)
+        known = known._replace(magnitudes=np.where(taken, known.magnitudes, np.nan))
+        known.write(cache)
         switches = switches or Switches(list_dipoles(samples))
-        thin.add(samples, known, switches.measure_since(samples))
-        clean &= not samples.rejected
+        seen = samples, known, switches.measure_since(samples)
+        own = np.arange(-done % stride, len(samples), stride)
+        kept += [_select(*seen, own)] if len(own) else []
         done += len(samples)
-        count += int(np.isfinite(values).sum())
+        last = _select(*seen, np.array([-1])) if (done - 1) % stride else None
+        clean &= not samples.rejected
+        count += int(np.isfinite(known.magnitudes).sum())
         progress("world model", done)
     if not done:
         raise LogError("the record is empty")
     require_enough(np.ones(count, dtype=bool))
-    samples, beside = thin.join()
-    source = "the scalar instrument in the record" if scalar else model.source
-    without = TRACK if clean else ()
-    known_there = beside["magnitudes"], beside.get("direction_e"), beside["since"]
-    return Scan(samples, *known_there, thin.stride, step, without, source)
+    parts, knowns, sinces = zip(*kept, *([last] if last else []), strict=True)
+    sizes, directions = zip(*knowns, strict=True)
+    return Scan(
+        _join(parts),
+        Known(np.concatenate(sizes), _concatenate(directions)),
+        np.concatenate(sinces),
+        stride,
+        step,
+        TRACK if clean else (),
+        find_field.source,
+    )
+
+
+def _select(
+    samples: Samples, known: Known, since: Array, rows: Index
+) -> tuple[Samples, Known, Array]:
+    own = Known(*(None if part is None else part[rows] for part in known))  # type: ignore[arg-type]
+    return samples.select(rows), own, since[rows]
+
+
+def _concatenate(parts: Sequence[Array | None]) -> Array | None:
+    """The parts of a column in one; None where it is not in all of them."""
+    there = [part for part in parts if part is not None]
+    return np.concatenate(there) if len(there) == len(parts) else None
+
+
+def _join(parts: Sequence[Samples]) -> Samples:
+    """Rows of consecutive pieces in one, with the columns that all have."""
+    each = [part.columns() for part in parts]
+    joined = {name: _concatenate([one.get(name) for one in each]) for name in each[0]}
+    disturbers = {name: joined.pop(name) for name in parts[0].disturbers}
+    known = {name: values for name, values in disturbers.items() if values is not None}
+    return parts[0].with_columns(**joined, disturbers=known)
 
 
 class _Model:
     """The world model along pieces of a track, the same model for all of them."""
 
-    def __init__(self) -> None:
-        self._model: Any = None
-
-    @property
-    def source(self) -> str:
-        """What a report says of it."""
-        return f"{self._model.name} along the track"
+    source = ""
 
     def __call__(self, samples: Samples) -> Known:
         if samples.latitude_deg is None or samples.longitude_deg is None or samples.epoch is None:
@@ -127,65 +149,22 @@ class _Model:
             )
         if samples.altitude_m is None:
             samples = samples.with_columns(altitude_m=np.zeros(len(samples)))
-        if self._model is None:
+        if not self.source:
             assert samples.time is not None
             assert samples.epoch is not None
             begun = samples.epoch + timedelta(seconds=float(samples.time[0]))
             self._model = choose_model(float(decimal_year(begun)))
+            self.source = f"{self._model.name} along the track"
         reference = self._model.along(samples)
         return Known(reference.magnitudes(len(samples)), find_direction_e(samples, reference))
 
 
-def _scalar(samples: Samples) -> Known:
-    if samples.scalar is None:
-        raise AgonicError("the record holds no scalar instrument (column scalar_nT)")
-    return Known(samples.scalar, None)
+class _Scalar:
+    """The scalar instrument in the record."""
 
+    source = "the scalar instrument in the record"
 
-class _ThinnedRows:
-    """Rows of a record at even steps, never many more than `MOST`, with what is known of them."""
-
-    def __init__(self) -> None:
-        self.stride, self._seen = 1, 0
-        self._parts: list[_Columns] = []
-        self._last: _Columns = {}
-        self._first: Samples | None = None
-
-    def add(self, samples: Samples, known: Known, since: Array) -> None:
-        """Take the rows of a piece whose turn it is."""
-        number = self._seen + np.arange(len(samples))
-        beside = {"number": number, "since": since, **known._asdict()}
-        columns = {**samples.columns(), **{f"beside {k}": v for k, v in beside.items()}}
-        columns = {name: values for name, values in columns.items() if values is not None}
-        self._first = self._first or samples
-        self._parts.append(_select(columns, number % self.stride == 0))
-        self._last = _select(columns, number == number[-1])
-        self._seen += len(samples)
-        while sum(len(part["time"]) for part in self._parts) > MOST:
-            self.stride *= 2
-            self._parts = [_select(p, p["beside number"] % self.stride == 0) for p in self._parts]
-
-    def join(self) -> tuple[Samples, _Columns]:
-        """All of them and the last row of the record, in one, and what was known beside them."""
-        assert self._first is not None, "the record is not empty"
-        parts = [part for part in self._parts if len(part["time"])]
-        if parts[-1]["beside number"][-1] != self._seen - 1:
-            parts.append(self._last)
-        columns = {
-            name: np.concatenate([one[name] for one in parts])
-            for name in parts[0]
-            if all(name in one for one in parts)
-        }
-        known = [f"beside {k}" for k in ("number", "since", *Known._fields)]
-        beside = {k.removeprefix("beside "): columns.pop(k) for k in [*columns] if k in known}
-        named = self._first.disturbers
-        disturbers = {name: columns.pop(name) for name in named if name in columns}
-        own = dict.fromkeys(name for name in parts[0] if name not in (*known, *named))
-        return self._first.with_columns(**{**own, **columns, "disturbers": disturbers}), beside
-
-
-_Columns = dict[str, Array]
-
-
-def _select(columns: _Columns, rows: Mask) -> _Columns:
-    return {name: values[rows] for name, values in columns.items()}
+    def __call__(self, samples: Samples) -> Known:
+        if samples.scalar is None:
+            raise AgonicError("the record holds no scalar instrument (column scalar_nT)")
+        return Known(samples.scalar, None)

@@ -1,4 +1,4 @@
-"""What could be wrong with a track or a clock, tried on a few readings of the log."""
+"""What could be wrong with a track, a clock or the names of axes, tried on a few readings."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.calibration.base import apply
 from agonic.errors import AgonicError
 from agonic.field.place import field_along
-from agonic.health import figure
-from agonic.inflight.fit.bias_doubts import is_far
+from agonic.health import Finding, figure
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
 from agonic.maths.estimation.loss import cauchy, tukey
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.rotations.angles import wrap_deg
+from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.samples import Samples
 
 if TYPE_CHECKING:
@@ -28,17 +29,24 @@ if TYPE_CHECKING:
 EARTH_RADIUS_M = 6_371_200.0
 ORBITAL_M_S = 3000.0
 LOWEST_ORBIT_M = 80_000.0
-FLAT2 = (1.0 - FLATTENING) ** 2
-"""tan of a geocentric latitude on the ellipsoid over that of the geodetic one."""
-SOME = 400
+SOME, MORE = 400, 1000
+"""Readings on which mistakes of the track, and names of axes, are tried."""
 FAR_BETTER = 0.5
 """A cause is named when it would leave less than this share of what is unexplained."""
-HARDLY_CHANGES = 1e-3
-"""Scatter of the reference over its mean below which no place nor time can be told by it."""
 BETTER = 0.75
 """The same for a clock's error, which is found to the second: chance does not make it."""
+HARDLY_CHANGES = 1e-3
+"""Scatter of the reference over its mean below which no place nor time can be told by it."""
 CLOCK_OFF_S = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 """Errors of a clock, or along a track of old elements, that are tried before the nearest second."""
+FAR = 0.1
+"""Move of the bias over the field from which other names of the axes are tried."""
+DOUBTFUL = 0.25
+"""Move of the bias over the field that hardware hardly makes."""
+NEARER = 1 / 3
+"""Other names must leave so much of the move, or less."""
+WORSE = 1.1
+"""Residuals with other names over those of the best, up to which they do as well."""
 
 
 class Cause(NamedTuple):
@@ -53,14 +61,14 @@ def find_impossible_track(samples: Samples) -> Cause | None:
     latitude, longitude, time = samples.latitude_deg, samples.longitude_deg, samples.time
     if latitude is None or longitude is None or time is None or len(time) < 3:
         return None
-    altitude = np.zeros(len(time)) if samples.altitude_m is None else samples.altitude_m
+    altitude = 0.0 if samples.altitude_m is None else float(np.median(samples.altitude_m))
     east = np.diff(np.unwrap(longitude, period=360.0)) * np.cos(np.radians(latitude[1:]))
     speed = np.radians(np.hypot(np.diff(latitude), east)) * EARTH_RADIUS_M / np.diff(time)
-    if np.median(speed) < ORBITAL_M_S or np.median(altitude) > LOWEST_ORBIT_M:
+    if np.median(speed) < ORBITAL_M_S or altitude > LOWEST_ORBIT_M:
         return None
     return Cause(
         f"the track moves at {figure(float(np.median(speed)) / 1000)} km/s at a height of "
-        f"{figure(float(np.median(altitude)) / 1000)} km, where nothing orbits",
+        f"{figure(altitude / 1000)} km, where nothing orbits",
         "give altitudes in metres above the ellipsoid (a column altitude_m, --altitude M for all "
         "readings), or two-line elements (--tle FILE)",
     )
@@ -75,7 +83,7 @@ def find_likely_cause(fit: InflightFit, problem: Problem, samples: Samples) -> C
     if float(np.std(problem.wanted)) < HARDLY_CHANGES:
         return None
     found = _find_best(problem, samples, problem.samples.field)
-    if found is None or problem.ground is None or not is_far(fit, problem):
+    if found is None or problem.ground is None or not _is_far(fit, problem):
         return found
     again = _find_best(problem, samples, samples.field)
     return found if again is not None and again.move == found.move else None
@@ -83,9 +91,7 @@ def find_likely_cause(fit: InflightFit, problem: Problem, samples: Samples) -> C
 
 def _find_best(problem: Problem, samples: Samples, field: Array) -> Cause | None:
     """The mistake that leaves least of the changes of F² along the track to the field."""
-    rows = np.flatnonzero(problem.used)
-    rows = rows[np.linspace(0, len(rows) - 1, min(SOME, len(rows))).astype(int)]
-    some = samples.with_columns(field=field, unit="nT").select(rows)
+    some = samples.with_columns(field=field, unit="nT").select(problem.spread_rows(SOME))
     if some.latitude_deg is None or some.longitude_deg is None:
         return None
     now = _misfit(some)
@@ -190,7 +196,28 @@ def _list_mistakes(samples: Samples) -> Iterator[tuple[str, str, Change]]:
     """The usual mistakes, what to do about each, and the change that would undo it."""
     for seconds, words in _CLOCKS.items():
         yield f"positions {words} off in time", "check the time scale", seconds
-    yield from _list_place_mistakes(samples)
+    latitude, longitude = samples.latitude_deg, samples.longitude_deg
+    assert latitude is not None
+    assert longitude is not None
+    move = "count longitude positive east"
+    yield "longitudes counted west", move, {"longitude_deg": -longitude}
+    exchanged = {"latitude_deg": np.clip(longitude, -90, 90), "longitude_deg": latitude}
+    yield "latitude and longitude exchanged", "exchange the two columns", exchanged
+    move = "count latitude positive north"
+    yield "latitudes with the sign reversed", move, {"latitude_deg": -latitude}
+    if samples.epoch is not None:  # the track if its longitudes were right ascensions
+        epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
+        turned = np.degrees(sidereal_rad(epoch.timestamp() + np.asarray(samples.time)))
+        move = "turn positions into Earth-fixed axes with the sidereal time"
+        fixed = {"longitude_deg": wrap_deg(longitude - turned)}
+        yield "longitudes among the stars (inertial axes)", move, fixed
+    # tan of a geocentric latitude on the ellipsoid is (1 − f)² of that of the geodetic one
+    tangent = np.tan(np.radians(np.clip(latitude, -89.99, 89.99))) / (1.0 - FLATTENING) ** 2
+    geodetic = {"latitude_deg": np.degrees(np.arctan(tangent))}
+    yield "geocentric latitudes", "give geodetic latitudes", geodetic
+    if np.abs(latitude).max() < 1.6 and np.abs(longitude).max() < 6.4:
+        turns = {"latitude_deg": np.degrees(latitude), "longitude_deg": np.degrees(longitude)}
+        yield "positions in radians", "give positions in degrees", turns
     altitude = np.zeros(len(samples)) if samples.altitude_m is None else samples.altitude_m
     if altitude.max() < 3000.0:
         yield "altitudes in kilometres", "give altitudes in metres", {"altitude_m": altitude * 1e3}
@@ -206,25 +233,52 @@ def _list_mistakes(samples: Samples) -> Iterator[tuple[str, str, Change]]:
             yield f"a date near {then.year}", "check the date of the log", {"epoch": then}
 
 
-def _list_place_mistakes(samples: Samples) -> Iterator[tuple[str, str, Change]]:
-    latitude, longitude = samples.latitude_deg, samples.longitude_deg
-    assert latitude is not None
-    assert longitude is not None
-    west = {"longitude_deg": -longitude}
-    yield "longitudes counted west", "count longitude positive east", west
-    exchanged = {"latitude_deg": np.clip(longitude, -90, 90), "longitude_deg": latitude}
-    yield "latitude and longitude exchanged", "exchange the two columns", exchanged
-    south = {"latitude_deg": -latitude}
-    yield "latitudes with the sign reversed", "count latitude positive north", south
-    if samples.epoch is not None:  # the track if its longitudes were right ascensions
-        epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
-        turned = np.degrees(sidereal_rad(epoch.timestamp() + np.asarray(samples.time)))
-        fixed = {"longitude_deg": (longitude - turned + 180) % 360 - 180}
-        move = "turn positions into Earth-fixed axes with the sidereal time"
-        yield "longitudes among the stars (inertial axes)", move, fixed
-    tangent = np.tan(np.radians(np.clip(latitude, -89.99, 89.99))) / FLAT2
-    geodetic = {"latitude_deg": np.degrees(np.arctan(tangent))}
-    yield "geocentric latitudes", "give geodetic latitudes", geodetic
-    if np.abs(latitude).max() < 1.6 and np.abs(longitude).max() < 6.4:
-        turns = {"latitude_deg": np.degrees(latitude), "longitude_deg": np.degrees(longitude)}
-        yield "positions in radians", "give positions in degrees", turns
+def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
+    """A bias so far from the ground's that the axes, or the sensor, are others.
+
+    A magnitude hardly tells an axis that was renamed or reversed since the ground: matrices are
+    near to the identity, and the bias of the flight takes up the rest. But nothing else leaves a
+    bias near that of the ground with other names of the axes, and far from it without.
+    """
+    moved = float(np.linalg.norm(fit.change.bias))
+    if problem.ground is None or moved < FAR * problem.magnitude:
+        return
+    name = "axes of the ground calibration"
+    what = f"the bias is {figure(moved)} nT from that of the ground"
+    names, left, plain = _find_nearest(problem, samples)
+    if names and left < min(NEARER * min(moved, plain), FAR * problem.magnitude):
+        move = "give the readings in the axes in which the sensor was calibrated"
+        yield Finding(name, "refuse", f"{what}, and {figure(left)} nT if since then {names}", move)
+    elif _is_far(fit, problem):
+        share = f"{figure(100 * moved / problem.magnitude)} % of the field"
+        move = "check that the calibration is of this sensor, in these axes and this unit"
+        yield Finding(name, "check", f"{what}, {share}", move)
+
+
+def _is_far(fit: InflightFit, problem: Problem) -> bool:
+    """Whether the bias moved since the ground by more than hardware hardly makes."""
+    return bool(np.linalg.norm(fit.change.bias) >= DOUBTFUL * problem.magnitude)
+
+
+def _find_nearest(problem: Problem, samples: Samples) -> tuple[str, float, float]:
+    """What is wrong with the names of the axes where others leave the bias nearest to the ground's,
+    among all with which the magnitude is as constant, no words where nothing is; how far it is
+    then, nT; and how far with the names that they have.
+
+    The bias is that of |u − b| = F, linear in b and |b|²: |u|² − F² = 2 u·b − |b|².
+    """
+    assert problem.ground is not None
+    rows = problem.spread_rows(MORE)
+    some, wanted, tried = samples.select(rows), problem.wanted[rows], []
+    for turn in np.concatenate([right_angles(), -right_angles()]):
+        field = apply(problem.ground, some.with_columns(field=some.field @ turn.T)).field
+        field = field / problem.magnitude
+        design = np.column_stack([2.0 * field, np.ones(len(field))])
+        known = np.einsum("ni,ni->n", field, field) - wanted**2
+        solution = np.linalg.lstsq(design, known, rcond=None)[0]
+        size = float(np.linalg.norm(solution[:3])) * problem.magnitude
+        tried.append((size, robust_scale(known - design @ solution, 4), turn))
+    limit = WORSE * min(left for _, left, _ in tried)
+    moved, _, turn = min((one for one in tried if one[1] <= limit), key=lambda one: one[0])
+    words = "" if np.array_equal(turn, np.eye(3)) else describe_renaming(turn)
+    return words, moved, tried[0][0]

@@ -15,16 +15,15 @@ from agonic.errors import AgonicError
 from agonic.inflight.fit import evidence, large_scan
 from agonic.inflight.fit.allowances import allow_for_unseen
 from agonic.inflight.fit.covariance import Clock, Estimate
-from agonic.inflight.fit.decay import leave_out_settling
+from agonic.inflight.fit.decay import settle_torquers
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, Solve, make_settings, pose_problem
 from agonic.inflight.fit.result import InflightFit, build_result
 from agonic.inflight.fit.solve import add_covariance, compute_residuals_of, find_estimate
 from agonic.inflight.fit.torquers import Switches, is_on, is_settling
-from agonic.inflight.maths.residuals import Block, Rows, cut, residual_pieces
+from agonic.inflight.maths.residuals import Block, cut, residual_pieces
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.loss import squares, tukey
-from agonic.samples import Samples
 
 
 def fit_mission(
@@ -89,22 +88,24 @@ def fit_mission(
     progress = progress or (lambda _name, _rows: None)
     with TemporaryFile() as cache:
         scan = large_scan.scan_recording(recording, cache, scalar, settings, progress)
-        problem, thinned = find_estimate(
-            pose_problem(
-                scan.samples,
-                scan.magnitudes,
-                np.isfinite(scan.magnitudes),
-                ground,
-                settings,
-                source=scan.source,
-                direction_e=scan.direction_e,
-            )
+        problem = pose_problem(
+            scan.samples,
+            scan.known.magnitudes,
+            np.isfinite(scan.known.magnitudes),
+            ground,
+            settings,
+            source=scan.source,
+            direction_e=scan.known.direction_e,
         )
-        settled = leave_out_settling(problem, thinned, scan.since, scan.step_s)
-        if settled is not problem:
-            problem, thinned = find_estimate(settled)
+        first = find_estimate(problem)
+        problem, thinned = settle_torquers(*first, scan.since, scan.step_s, follows=False)
         estimate, n = _solve_whole(recording, cache, scan, problem, thinned, progress)
-    return replace(_build_result(scan, problem, estimate), n=n)
+    seen = compute_residuals_of(problem, estimate, "magnitude")[problem.used]
+    whole = estimate._replace(residuals={"magnitude": seen})
+    whole, found = allow_for_unseen(problem, whole)
+    fit = build_result(problem, whole, scan.samples)
+    fit = replace(fit, correlation_s=fit.correlation * scan.step_s, thinned=scan.stride)
+    return replace(evidence.examine(fit, problem, scan.samples, found), n=n)
 
 
 def _solve_whole(
@@ -129,11 +130,18 @@ def _solve_whole(
         switches = Switches(torquers.commands)
         cache.seek(0)
         for samples in recording.pieces(scan.without):
-            known = large_scan.read_known(cache, len(samples))
+            known = large_scan.Known.read(cache, len(samples))
             since = switches.measure_since(samples)
             left = is_on(samples, off) | is_settling(since, torquers.settling_s, scan.step_s)
             known = known._replace(magnitudes=np.where(left, np.nan, known.magnitudes))
-            rows = _select_corrected_rows(problem, estimate, samples, known)
+            here = replace(
+                problem,
+                samples=samples if problem.ground is None else apply(problem.ground, samples),
+                wanted=known.magnitudes / problem.magnitude,
+                direction_e=known.direction_e,
+            )
+            rows, usable = here.rows(estimate.terms), np.isfinite(known.magnitudes)
+            rows = rows if usable.all() else rows.select(usable)
             taking_part += len(rows.points)
             yield from cut(rows, estimate.layout)
             done += len(samples)
@@ -150,28 +158,3 @@ def _solve_whole(
     clock = Clock.of(float(problem.time[0]), float(problem.time[-1]), scan.step_s)
     whole = estimate._replace(solution=solution, noise={"magnitude": noise})
     return add_covariance(problem, whole, source, clock), taking_part
-
-
-def _select_corrected_rows(
-    problem: Problem, estimate: Estimate, samples: Samples, known: large_scan.Known
-) -> Rows:
-    """The readings of a piece that take part, as the kernel takes them."""
-    ground = problem.ground
-    here = replace(
-        problem,
-        samples=samples if ground is None else apply(ground, samples),
-        wanted=known.magnitudes / problem.magnitude,
-        direction_e=known.direction_e,
-    )
-    rows, usable = here.rows(estimate.terms), np.isfinite(known.magnitudes)
-    return rows if usable.all() else rows.select(usable)
-
-
-def _build_result(scan: large_scan.Scan, problem: Problem, estimate: Estimate) -> InflightFit:
-    """The result, with the residuals of the rows that were kept."""
-    seen = compute_residuals_of(problem, estimate, "magnitude")[problem.used]
-    estimate = estimate._replace(residuals={"magnitude": seen})
-    estimate, found = allow_for_unseen(problem, estimate)
-    fit = build_result(problem, estimate, scan.samples)
-    fit = replace(fit, correlation_s=fit.correlation * scan.step_s, thinned=scan.stride)
-    return evidence.examine(fit, problem, scan.samples, found)

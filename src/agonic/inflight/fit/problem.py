@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.calibration.base import Calibration, apply
 from agonic.calibration.network import Network
 from agonic.calibration.steps import find_step
@@ -76,6 +76,20 @@ class Problem:
         """Seconds, (n,)."""
         assert self.samples.time is not None, "checked when the fit began"
         return self.samples.time
+
+    def spread_rows(self, count: int) -> Index:
+        """At most so many of the rows used, evenly over the record."""
+        rows = np.flatnonzero(self.used)
+        return rows[np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(np.intp)]
+
+    def with_sources(self, columns: Mapping[str, Array], others: tuple[str, ...]) -> Problem:
+        """The problem with columns as sources, beside others of those that it has."""
+        samples, settings = self.samples, self.settings
+        return replace(
+            self,
+            samples=samples.with_columns(disturbers={**samples.disturbers, **columns}),
+            settings=replace(settings, sources=(*others, *columns)),
+        )
 
     def terms(self, intervals: int) -> Terms:
         """The terms with so many intervals of the bias in time."""

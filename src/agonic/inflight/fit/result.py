@@ -119,6 +119,12 @@ class InflightFit(Judged):
         """Standard errors (9,) of the same."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
+    @property
+    def median_direction_error_deg(self) -> float | None:
+        """Of the readings that took part; None without attitude."""
+        error = self.direction_error_deg
+        return None if error is None else float(np.median(error[self.weights > 0]))
+
     def bias_at(self, time: ArrayLike) -> tuple[Array, Array]:
         """The bias (k, 3) found in flight, nT, and its standard error (k, 3), at `time` (k,), s."""
         return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))

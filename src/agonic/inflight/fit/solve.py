@@ -13,7 +13,7 @@ from agonic.inflight.fit import covariance
 from agonic.inflight.fit.interval_choice import choose_intervals
 from agonic.inflight.fit.prior import build_prior
 from agonic.inflight.fit.problem import Problem, require_enough
-from agonic.inflight.fit.terms import DEGREE, Terms
+from agonic.inflight.fit.terms import Terms
 from agonic.inflight.maths import residuals
 from agonic.inflight.maths.correlated_errors import CorrelatedError
 from agonic.maths.equation import maximum_likelihood
@@ -68,7 +68,7 @@ def find_estimate(problem: Problem) -> tuple[Problem, covariance.Estimate]:
     estimate, held_out = choose_intervals(
         plain, lambda intervals: fit_rows(plain, first, problem.used, intervals)
     )
-    intervals = max(estimate.terms.splines - DEGREE + 1, 0)
+    intervals = estimate.terms.intervals
     limit = problem.settings.residual_limit
     for _ in range(_ROUNDS if limit is not None else 0):
         assert limit is not None

@@ -100,6 +100,11 @@ class Terms:
         return len(self.middle)
 
     @property
+    def intervals(self) -> int:
+        """Even stretches of time that the spline has, 0 for a constant bias."""
+        return max(self.splines - DEGREE + 1, 0)
+
+    @property
     def bias_count(self) -> int:
         """Terms of the bias."""
         return self.splines + self.degree + len(self.spread)

@@ -41,34 +41,19 @@ def list_dipoles(samples: Samples) -> tuple[str, ...]:
     return tuple(name for name in samples.disturbers if name.endswith(DIPOLE))
 
 
-def find_commands(samples: Samples) -> tuple[str, ...]:
-    """The columns that hold the dipole of a torquer, where it changes.
-
-    >>> dipoles = {"torquer_x_Am2": [0.0, 0.2], "torquer_y_Am2": [0.0, 0.0]}
-    >>> find_commands(Samples(field=np.ones((2, 3)), disturbers=dipoles))
-    ('torquer_x_Am2',)
-    """
-    dipoles = list_dipoles(samples)
-    return tuple(name for name in dipoles if float(np.ptp(samples.disturbers[name])) > 0)
-
-
 def leave_out_unmodelled(
     samples: Samples, sources: tuple[str, ...], used: Mask
 ) -> tuple[Mask, Torquers]:
     """The rows to use, and what was left out: readings while a torquer is on that no source takes
     into account. Where next to nothing would remain all are kept."""
-    commands = find_commands(samples)
-    taken = list_columns(sources)
+    taken, columns = list_columns(sources), samples.disturbers
+    commands = tuple(name for name in list_dipoles(samples) if np.ptp(columns[name]) > 0)
     unmodelled = tuple(name for name in commands if name not in taken)
     on = is_on(samples, unmodelled)
     if (used & ~on).sum() < FEWEST:
         on[:] = False
-    found = Torquers(
-        commands=commands,
-        unmodelled=unmodelled,
-        on=int((used & on).sum()),
-        rows=max(int(used.sum()), 1),
-    )
+    rows = max(int(used.sum()), 1)
+    found = Torquers(commands=commands, unmodelled=unmodelled, on=int((used & on).sum()), rows=rows)
     return used & ~on, found
 
 
@@ -98,11 +83,6 @@ class Switches:
         return np.asarray(samples.time - at)
 
 
-def measure_since_switch(samples: Samples, commands: tuple[str, ...]) -> Array:
-    """Seconds since any of the commands changed last, (n,); infinite before the first change."""
-    return Switches(commands).measure_since(samples)
-
-
 def is_settling(since: Array, settling_s: float, step_s: float) -> Mask:
     """Whether torquers still settle in a reading, by the seconds since a switch."""
     return since < settling_s - 0.5 * step_s
@@ -110,17 +90,13 @@ def is_settling(since: Array, settling_s: float, step_s: float) -> Mask:
 
 def is_on(samples: Samples, names: tuple[str, ...]) -> Mask:
     """Whether any of the torquers is on, (n,)."""
-    on = np.zeros(len(samples), dtype=bool)
-    for name in names:
-        on |= samples.disturbers[name] != 0
-    return on
+    values = [samples.disturbers[name] != 0 for name in names]
+    return np.asarray(np.any([np.zeros(len(samples), dtype=bool), *values], axis=0))
 
 
 def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
-    """How long after a switch residuals are larger than later, s; 0 where they are not.
-
-    Squares in the first, second, … reading after a switch are compared with those of readings
-    longer after one, whose own scatter says what chance does.
+    """How long after a switch residuals are larger than later, s; 0 where they are not: squares in
+    the first, second, … reading after it against those long after, by the scatter of these.
 
     >>> rng = np.random.default_rng(1)
     >>> since = np.tile(np.arange(50.0), 40)
@@ -146,35 +122,21 @@ def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
 
 def list_torquer_findings(torquers: Torquers) -> Iterator[Finding]:
     """What was left out for torquers, and how to use it."""
-    names = ",".join(torquers.unmodelled)
+    move = f"take them into the fit: --with {','.join(torquers.unmodelled)}"
+    on, settling = (figure(100 * rows / torquers.rows) for rows in (torquers.on, torquers.settling))
     if torquers.on:
-        share = figure(100 * torquers.on / torquers.rows)
-        yield Finding(
-            "torquers on",
-            "note",
-            f"a torquer is on in {share} % of the readings, which were left out",
-            f"take them into the fit: --with {names}",
-        )
+        what = f"a torquer is on in {on} % of the readings, which were left out"
+        yield Finding("torquers on", "note", what, move)
     elif torquers.unmodelled:
-        yield Finding(
-            "torquers always on",
-            "check",
-            "torquers are on in nearly all readings, and what they add was not taken out",
-            f"take them into the fit: --with {names}",
-        )
+        what = "torquers are on in nearly all readings, and what they add was not taken out"
+        yield Finding("torquers always on", "check", what, move)
     if torquers.time_constant_s:
         size = f"{torquers.time_constant_s:.3g} ± {torquers.time_constant_sd_s:.1g} s"
-        yield Finding(
-            "torquers followed",
-            "note",
-            f"the field follows the torquers with a time constant of {size}, which is taken "
-            "into account",
-        )
+        what = f"the field follows the torquers with a time constant of {size}, which is taken "
+        yield Finding("torquers followed", "note", f"{what}into account")
     if torquers.settling:
-        share = figure(100 * torquers.settling / torquers.rows)
-        yield Finding(
-            "torquers settling",
-            "note",
+        what = (
             f"for {figure(torquers.settling_s)} s after a torquer switches the readings are off "
-            f"by more than later; {share} % were left out",
+            f"by more than later; {settling} % were left out"
         )
+        yield Finding("torquers settling", "note", what)

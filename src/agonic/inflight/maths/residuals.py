@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.maths.equation import affine
 from agonic.maths.estimation import leastsq
 
@@ -102,6 +102,11 @@ class Layout(NamedTuple):
         """c_k as columns, (3, k)."""
         end = self.constants + 3 * self.bias_terms
         return params[self.constants : end].reshape(3, self.bias_terms)
+
+    def bias_columns(self, terms: slice) -> Index:
+        """Where the coefficients of some terms of the bias are among the parameters, (3, k)."""
+        numbers = self.biases(np.arange(self.parameters, dtype=np.float64))
+        return numbers[:, terms].astype(np.intp)
 
     def matrices(self, params: Array) -> Array:
         """M_k, (l, 3, 3)."""
