@@ -14,10 +14,9 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.tracking import TrackerParams
 from agonic.cli import run
 from agonic.inflight.fit import fit_inflight
-from agonic.inflight.report.document import describe_inflight
+from agonic.inflight.report.document import describe_inflight, describe_tracking
 from agonic.inflight.report.flight import compare, flight_of_fit, measure_correlated_errors
 from agonic.inflight.report.tables import explain
-from agonic.inflight.report.tracking_document import describe_tracking
 from agonic.inflight.simulation.orbit import simulate_orbit
 from agonic.inflight.tracking import Tracker
 from agonic.report.digits import MINUS, NO_BREAK, THIN

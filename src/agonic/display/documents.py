@@ -28,8 +28,7 @@ from agonic.health import Judged
 from agonic.history.document import describe_drift
 from agonic.history.result import Drift
 from agonic.inflight.fit import InflightFit
-from agonic.inflight.report.document import describe_inflight
-from agonic.inflight.report.tracking_document import describe_tracking
+from agonic.inflight.report.document import describe_inflight, describe_tracking
 from agonic.inflight.tracking import Tracker
 from agonic.readable import Readable
 from agonic.recording.calibrated import Calibrated

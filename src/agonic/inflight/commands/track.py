@@ -51,7 +51,7 @@ def track(
     """
     from agonic.atomic import write_atomically
     from agonic.console.output import print_json, say
-    from agonic.inflight.report.tracking_document import describe_tracking
+    from agonic.inflight.report.document import describe_tracking
 
     settings = {
         "solve": solve, "walk": walk, "noise": noise, "external_sd": external, "gyro": gyro

@@ -1,4 +1,4 @@
-"""What is said and shown of a fit in flight, and the figures of any flight."""
+"""What is said and shown of a fit in flight, and of what a tracker made of a log."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from agonic.calibration.decomposition import decompose
 from agonic.calibration.interference import signals
 from agonic.inflight.fit import InflightFit
 from agonic.inflight.report import figures, tables
-from agonic.inflight.report.direction import describe_direction, describe_sources
-from agonic.inflight.report.flight import Flight, flight_of_fit
-from agonic.inflight.report.tables import explain
+from agonic.inflight.report.flight import Flight, flight_of_fit, flight_of_log
+from agonic.inflight.tracking.result import Coefficients
+from agonic.inflight.tracking.tracker import Tracker
 from agonic.readable import make_record
 from agonic.report.digits import NO_BREAK, count, group_digits, quantity, with_sd
 from agonic.report.document import Document
@@ -46,7 +46,11 @@ def describe_inflight(
     2
     """
     sd, rms = fit.sd, float(np.sqrt(np.mean(fit.residuals[fit.weights > 0] ** 2)))
-    bias = join_axes(fit.change.bias, sd[:3])
+    reference, unit = fit.calibration.provenance.settings.get("reference"), fit.change.unit_in
+    names, lasts = signals(fit.source_names), ""
+    if fit.correlation >= 1.05:
+        every = quantity(fit.correlation_s, "s", 2)
+        lasts = f"; errors are correlated, as if independent readings came every {every}"
     document = Document(
         schema="agonic/fit-inflight@1",
         kind="Calibration in flight",
@@ -57,99 +61,167 @@ def describe_inflight(
         status=fit.status,
         findings=fit.findings,
         entries={
-            "Field": str(fit.calibration.provenance.settings.get("reference", "")),
-            "Bias" if fit.ground is None else "Moved by": f"{bias} {fit.change.unit_in}",
+            "Field": str(reference or ""),
+            "Bias" if fit.ground is None else "Moved by": (
+                f"{join_axes(fit.change.bias, sd[:3])} {unit}"
+            ),
             **(describe_decomposition(fit.change) if fit.solve != "bias" else {}),
-            **_list_sources(fit),
-            "Residual": f"{quantity(rms, 'nT', 3)} rms{_describe_correlation(fit)}",
+            **{
+                name: f"{join_axes(values, sds)} {unit_label(unit)} {per_label(name)}"
+                for name, values, sds in zip(names, fit.sources.T, fit.sources_sd.T, strict=True)
+            },
+            "Residual": f"{quantity(rms, 'nT', 3)} rms{lasts}",
         },
         entries_title="",
-        values={
-            "method": "inflight",
-            "sensor": fit.change.sensor,
-            **make_record(fit),
-            "reference": fit.calibration.provenance.settings.get("reference"),
-            **_list_bias(fit.after),
-            "bias_change_nT": fit.change.bias,
-            "matrix_change": fit.change.matrix,
-            "sd": sd,
-            **decompose(fit.change)._asdict(),
-            "calibration_kind": fit.calibration.kind,
-            "residual_rms_nT": rms,
-            "drift_intervals": fit.drift.intervals,
-            "held_out_nT": {str(k): v for k, v in fit.held_out.items()},
-            "channels": {
-                kind: {"noise_nT": of.noise, "correlation": of.correlation}
-                for kind, of in fit.channels.items()
-            },
-            **_direction_values(fit),
-            "sources": dict(zip(signals(fit.source_names), fit.sources.T.tolist(), strict=True)),
-        },
+        values=_list_values(fit, rms) | {"reference": reference},
         calibration=fit.calibration,
     )
-    return add_figures(document, flight_of_fit(fit, samples))
+    return _add_figures(document, flight_of_fit(fit, samples))
 
 
-_CONSTANT = element("p", "It was taken as constant over the record: see its numbers below.")
-
-
-def _list_bias(found: Affine) -> dict[str, Any]:
-    """The whole bias at the end of the record, in the unit of the readings and, where it is, nT."""
-    sd = None if found.sd is None else found.sd[:3]
-    in_nT = (found.bias, sd) if found.unit_in == "nT" else (None, None)
-    names = ("bias", "bias_sd", "bias_nT", "bias_sd_nT")
-    return dict(zip(names, (found.bias, sd, *in_nT), strict=True))
-
-
-def _list_sources(fit: InflightFit) -> dict[str, str]:
-    """What a unit of each source adds to a reading, by its name."""
-    names, unit = signals(fit.source_names), unit_label(fit.change.unit_in)
-    return {
-        name: f"{join_axes(values, sds)} {unit} {per_label(name)}"
-        for name, values, sds in zip(names, fit.sources.T, fit.sources_sd.T, strict=True)
-    }
-
-
-def _describe_correlation(fit: InflightFit) -> str:
-    """What successive residuals have in common, in words; nothing where it is nothing."""
-    if fit.correlation < 1.05:
-        return ""
-    every = quantity(fit.correlation_s, "s", 2)
-    return f"; errors are correlated, as if independent readings came every {every}"
-
-
-def _direction_values(fit: InflightFit) -> Mapping[str, Any]:
-    """What the attitude adds."""
-    if fit.alignment is None or fit.direction_error_deg is None:
-        return {"direction_error_deg": None, "alignment_deg": None}
-    assert fit.alignment.covariance is not None
-    return {
-        "direction_error_deg": float(np.median(fit.direction_error_deg[fit.weights > 0])),
-        "alignment_deg": {
+def _list_values(fit: InflightFit, rms: float) -> dict[str, Any]:
+    """What the JSON of a fit says beside verdict, status and findings; the bias is the whole one at
+    the end of the record, in the unit of the readings and, where it is, nT."""
+    bias, bias_sd = fit.after.bias, None if fit.after.sd is None else fit.after.sd[:3]
+    in_nT = (bias, bias_sd) if fit.after.unit_in == "nT" else (None, None)
+    mounting = None
+    if fit.alignment is not None:
+        assert fit.alignment.covariance is not None
+        mounting = {
             "rotation_vector": fit.alignment.rotation.as_rotvec(degrees=True),
             "sd": np.degrees(np.sqrt(np.diag(fit.alignment.covariance))),
+        }
+    return {
+        "method": "inflight",
+        "sensor": fit.change.sensor,
+        **make_record(fit),
+        "bias": bias,
+        "bias_sd": bias_sd,
+        "bias_nT": in_nT[0],
+        "bias_sd_nT": in_nT[1],
+        "bias_change_nT": fit.change.bias,
+        "matrix_change": fit.change.matrix,
+        "sd": fit.sd,
+        **decompose(fit.change)._asdict(),
+        "calibration_kind": fit.calibration.kind,
+        "residual_rms_nT": rms,
+        "drift_intervals": fit.drift.intervals,
+        "held_out_nT": {str(k): v for k, v in fit.held_out.items()},
+        "channels": {
+            kind: {"noise_nT": of.noise, "correlation": of.correlation}
+            for kind, of in fit.channels.items()
         },
+        "direction_error_deg": fit.median_direction_error_deg,
+        "alignment_deg": mounting,
+        "sources": dict(zip(signals(fit.source_names), fit.sources.T.tolist(), strict=True)),
     }
 
 
-def add_figures(document: Document, flight: Flight) -> Document:
+def describe_tracking(
+    tracker: Tracker,
+    found: Coefficients | None,
+    samples: Samples | None = None,
+    *,
+    rows: int = 0,
+    title: str = "",
+) -> Document:
+    """What a tracker made of a log.
+
+    Parameters
+    ----------
+    tracker : after the log. found : what `tracker.update(samples, …)` gave, None where nothing was
+        new. samples : its readings; without them nothing is drawn. rows : of the log.
+    """
+    state, turn, history = tracker.state, tracker.state.turn, tracker.history
+    rms, new = None, 0 if found is None else len(found.residual)
+    if found is not None:  # without those of which a start could not yet say anything
+        rms = float(np.sqrt(np.mean(found.residual[found.foretold] ** 2)))
+    document = Document(
+        schema="agonic/track@1",
+        kind="Calibration followed in flight",
+        name=state.base.sensor,
+        title=title,
+        verdict=tracker.verdict,
+        status=tracker.status,
+        findings=tracker.findings,
+        entries=_list_tracking_entries(tracker, new, rows - new, rms),
+        entries_title="",
+        values={
+            "sensor": state.base.sensor,
+            "unit": state.base.unit_in,
+            "new": new,
+            "passed_over": rows - new,
+            **make_record(state),
+            "matrix": tracker.calibration.matrix,
+            "walk": tracker.params.walk,
+            "predicted_rms_nT": rms,
+            "gyro": None
+            if turn is None
+            else {
+                "bias_deg_s": np.degrees(turn.gyro_bias),
+                "delay_s": turn.delay_s,
+                "field_nT": turn.field @ state.turned.rotation.T,
+            },
+            "history": {
+                "time_s": history[:, 0],
+                "bias": history[:, 1:4],
+                "bias_sd": history[:, 4:],
+            },
+        },
+    )
+    if found is None or samples is None:
+        return document
+    return _add_figures(document, flight_of_log(tracker, found, samples))
+
+
+def _list_tracking_entries(
+    tracker: Tracker, new: int, passed_over: int, rms: float | None
+) -> dict[str, str]:
+    state, unit, turn = tracker.state, tracker.state.base.unit_in, tracker.state.turn
+    passed = f", {group_digits(passed_over)} passed over" if passed_over else ""
+    gyro = ""
+    if turn is not None:
+        rates = zip("xyz", np.degrees(turn.gyro_bias), strict=True)
+        bias = ", ".join(f"{axis} {rate:.3f}" for axis, rate in rates)
+        late = group_digits(1e3 * turn.delay_s, 1)
+        gyro = f"bias {bias} °/s; the magnetometer is {late} ms late"
+    return {
+        "Readings": f"{group_digits(new)} new{passed}; {group_digits(state.n)} in all, "
+        f"{group_digits(state.refused)} did not fit",
+        "Bias": f"{join_axes(state.bias, state.bias_sd)} {unit}",
+        "Model": f"noise {quantity(state.noise, unit)}, random walk "
+        f"{tracker.params.walk:.3g} {unit} per √s",
+        "Residual": ""
+        if rms is None
+        else f"{quantity(rms, 'nT')} rms, each reading before it was used",
+        "Jump": "; ".join(
+            f"at {j.time:.1f} s by {', '.join(f'{v:.0f}' for v in j.shift)} {unit}, "
+            f"seen at {j.seen:.1f} s"
+            for j in state.jumps
+        ),
+        "Gyro": gyro,
+    }
+
+
+def _add_figures(document: Document, flight: Flight) -> Document:
     """The document with what is shown of a flight on a page."""
-    moved = np.ptp(flight.course.bias, axis=0).any()
+    moved, said = np.ptp(flight.course.bias, axis=0).any(), "It was taken as constant over the "
+    constant = element("p", f"{said}record: see its numbers below.")
     sections = [
-        Section("Bias over time", [(lambda: _bias(flight)) if moved else _CONSTANT]),
-        _ground(flight),
-        Section("Residuals", [lambda: _residuals(flight)]),
-        *(() if flight.fit is None else describe_direction(flight.fit)),
-        *(() if flight.fit is None else describe_sources(flight.fit)),
+        Section("Bias over time", [(lambda: figures.draw_course(flight)) if moved else constant]),
+        tables.compare_numbers(flight.numbers),
+        Section("Residuals", [lambda: _draw_residuals(flight)]),
+        *(() if flight.fit is None else tables.describe_direction(flight.fit)),
+        *(() if flight.fit is None else tables.describe_sources(flight.fit)),
         Section("Error of the model", [tables.describe_model_error(flight)]),
-        Section("Likely causes", [lambda: tables.list_causes(explain(flight))]),
+        Section("Likely causes", [lambda: tables.list_causes(tables.explain(flight))]),
         Section("Left out", [tables.list_left_out(flight)]),
         Section("What was chosen, and the held-out error", [tables.list_held_out(flight)]),
     ]
     return replace(
         document,
         about=f"{flight.sensor}, {flight.begun}",
-        key_figures=_key_figures(flight),
+        key_figures=_list_key_figures(flight),
         sections=sections,
         calibration=flight.calibration,
         samples=flight.samples,
@@ -157,73 +229,22 @@ def add_figures(document: Document, flight: Flight) -> Document:
     )
 
 
-def _key_figures(flight: Flight) -> list[tuple[str, str, str]]:
-    """The four numbers to look at first."""
-    course, used = flight.course, flight.used
-    n, of = int(np.count_nonzero(used)), "rms, before each was used" if flight.predicted else "rms"
-    rms = float(np.sqrt(np.mean(flight.residuals[used] ** 2))) if used.any() else np.nan
-    sd = quantity(float(course.sd[-1].max()), unit_label(course.unit), 2)
-    size = group_digits(float(f"{n / max(flight.correlation, 1.0):.2g}"))
-    return [
-        ("Residual", quantity(rms, "nT"), of),
-        ("Bias standard error", sd, "of the worst axis"),
-        ("Effective sample size", size, f"independent readings of {group_digits(n)}"),
-        ("Readings", group_digits(n), f"of {count(len(used), 'reading')}"),
-    ]
-
-
-def _bias(flight: Flight) -> Markup:
-    course = flight.course
-    what = "the bias" if flight.predicted else "what is found in flight"
-    keys = {"bias": what, "band": "± 2 standard errors"}
-    if course.jumps:
-        keys["jump"] = "a jump"
-    drawn = Markup("".join(figures.draw_bias(course, axis) for axis in range(3)))
-    return caption(f"Bias along x, y and z, {unit_label(course.unit)}", drawn, keys)
-
-
-def _ground(flight: Flight) -> Section:
-    """The numbers, beside those of the ground where there are any."""
-    rows = [q for group in flight.numbers for q in group.rows]
-    title = "Ground against flight"
-    if all(q.ground is None for q in rows):
-        title = "Numbers"
-        said = "There was no ground calibration to compare with. ± is one standard error."
-    elif all(q.ground_sd is None for q in rows):
-        said = (
-            "The ground calibration came without standard errors, so a change is measured by that "
-            "of the flight alone. Lines at ±1 and ±2 standard errors."
-        )
-    else:
-        said = (
-            "σ is that of the change, from both standard errors. Lines at ±1 and ±2 σ; beyond ±3 "
-            "the two do not agree."
-        )
-    shown = tuple(group for group in flight.numbers if not all(q.fixed for q in group.rows))
-    for group in flight.numbers:
-        if group not in shown:
-            said += f" The {group.name.lower()} was fixed at its earlier value."
-    return Section(
-        title, [lambda: tables.compare_numbers(shown), element("p", said, class_="aside")]
-    )
-
-
-def _residuals(flight: Flight) -> list[Markup]:
+def _draw_residuals(flight: Flight) -> list[Markup]:
     """Over time, along latitude and temperature, in sunlight and shadow, and where they lie."""
     limit = figures.residual_limit(flight)
     keys = {"range": "least to largest", "middle": "the middle two thirds", "mean": "median"}
     timed = dict(keys)
     if not has_enough(len(flight.residuals)):
         del timed["middle"]
-    if figures.has_shadows(flight):
+    if len(figures.find_shadows(flight)):
         timed["shadow"] = "in the Earth’s shadow"
     if figures.has_left_out(flight):
         timed["left-out"] = "mostly left out"
     beyond = beyond_words(flight.residuals, limit, "nT")
     parts = [caption("Over time", figures.draw_over_time(flight, limit), timed, beyond)]
     missing = []
-    for unit, name in (("°", "latitude"), ("°C", "temperature")):
-        values = flight.latitude_deg if name == "latitude" else flight.temperature
+    along = {"latitude": (flight.latitude_deg, "°"), "temperature": (flight.temperature, "°C")}
+    for name, (values, unit) in along.items():
         if values is None:
             missing.append(name)
         else:
@@ -236,26 +257,29 @@ def _residuals(flight: Flight) -> list[Markup]:
     if flight.latitude_deg is None or flight.longitude_deg is None:
         missing.append("place")
     else:
-        parts.append(_map(flight, limit))
+        parts.append(figures.draw_map(flight, limit))
     if missing:
         said = f"The log does not hold {', '.join(missing)}: not drawn."
         parts.append(element("p", said, class_="aside"))
     return parts
 
 
-def _map(flight: Flight, limit: float) -> Markup:
-    drawn, highest, cell_sd = figures.draw_map(flight, limit)
-    full = quantity(highest, "nT", 2)
-    least, most = (element("span", f"{sign}{full}") for sign in "−+")
-    scale = element("p", least, element("i", class_="ramp through"), most, class_="legend")
-    note = (
-        "The mean residual of the readings in a cell, which a typical cell knows to "
-        f"±{quantity(cell_sd, 'nT', 2)}."
-    )
-    return caption("Where the residuals lie", Markup(scale + drawn), note=note)
+def _list_key_figures(flight: Flight) -> list[tuple[str, str, str]]:
+    """The four numbers to look at first."""
+    course, used = flight.course, flight.used
+    n, of = int(np.count_nonzero(used)), "rms" if flight.fit else "rms, before each was used"
+    rms = float(np.sqrt(np.mean(flight.residuals[used] ** 2))) if n else np.nan
+    sd = quantity(float(course.sd[-1].max()), unit_label(course.unit), 2)
+    size = group_digits(float(f"{n / max(flight.correlation, 1.0):.2g}"))
+    return [
+        ("Residual", quantity(rms, "nT"), of),
+        ("Bias standard error", sd, "of the worst axis"),
+        ("Effective sample size", size, f"independent readings of {group_digits(n)}"),
+        ("Readings", group_digits(n), f"of {count(len(used), 'reading')}"),
+    ]
 
 
-def describe_decomposition(calibration: Affine) -> dict[str, str]:
+def describe_decomposition(calibration: Affine) -> Mapping[str, str]:
     """The sensitivity of each axis and how far the axes are from square, with standard errors.
 
     >>> from numpy import diag, eye
@@ -265,23 +289,16 @@ def describe_decomposition(calibration: Affine) -> dict[str, str]:
     >>> found["Scale"].replace("\u00a0", " ")
     'x 0.50000 ± 0.00025   y 1.0000 ± 0.0010   z 1.0000 ± 0.0010'
     """
-    found = decompose(calibration)
+    found, pairs = decompose(calibration), ("xy", "xz", "yz")
+    angles, sds = found.nonorthogonality_deg, found.nonorthogonality_sd_deg
     return {
         "Scale": join_axes(found.scale_factors, found.scale_factors_sd, blank=NO_BREAK),
-        "Angles": join_axes(
-            found.nonorthogonality_deg,
-            found.nonorthogonality_sd_deg,
-            ("xy", "xz", "yz"),
-            blank=NO_BREAK,
-        )
-        + "°",
+        "Angles": f"{join_axes(angles, sds, pairs, blank=NO_BREAK)}°",
     }
 
 
 def join_axes(values: Array, sds: Array, names: Sequence[str] = "xyz", *, blank: str = " ") -> str:
     """Numbers of axes with their standard errors, in a line."""
-    parts = (
-        f"{name} {with_sd(float(v), float(sd))}"
-        for name, v, sd in zip(names, values, sds, strict=True)
-    )
+    each = zip(names, values, sds, strict=True)
+    parts = (f"{name} {with_sd(float(value), float(sd))}" for name, value, sd in each)
     return "   ".join(part.replace(" ", blank) for part in parts)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.inflight.report.flight import Course, Flight
 from agonic.report import strips
 from agonic.report.axes import BINS, Axis, Columns, along_time, right
-from agonic.report.digits import group_digits
+from agonic.report.digits import group_digits, quantity
+from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 
 PER_COLUMN = 25
@@ -33,8 +34,11 @@ def draw_over_time(flight: Flight, limit: float) -> Markup:
     """Residuals over time; the shadow of the Earth behind them, what was left out at the foot."""
     x, along = along_time(flight.time, float(flight.time[0]), float(flight.time[-1]))
     columns = Columns(x, along)
+    first, after = find_shadows(flight).T
+    begin, end = right(x, along[first]), right(x, along[np.minimum(after, len(along) - 1)])
+    bars = [f"M{a:.1f} 0H{b:.1f}V1000H{a:.1f}Z" for a, b in zip(begin, end, strict=True)]
     layers = [
-        *draw_shadows(flight, x, along),
+        *([strips.path("".join(bars), "shadow")] if bars else []),
         *strips.residuals(columns, _axis(limit), flight.residuals),
         strips.mark_rows(columns, ~flight.used, "left-out"),
     ]
@@ -64,17 +68,6 @@ def _axis(limit: float) -> Axis:
     return Axis("residual, nT", -limit, limit)
 
 
-def draw_shadows(flight: Flight, x: Axis, along: Array) -> list[Markup]:
-    """What lies in the shadow of the Earth, where it can be told apart."""
-    if flight.eclipse is None or not has_shadows(flight):
-        return []
-    edges = np.flatnonzero(np.diff(flight.eclipse.astype(np.int8), prepend=0, append=0))
-    last = len(along) - 1
-    begin, end = right(x, along[edges[::2]]), right(x, along[np.minimum(edges[1::2], last)])
-    bars = (f"M{a:.1f} 0H{b:.1f}V1000H{a:.1f}Z" for a, b in zip(begin, end, strict=True))
-    return [strips.path("".join(bars), "shadow")]
-
-
 def has_left_out(flight: Flight) -> bool:
     """Whether any column over time consists mostly of what was left out."""
     if flight.used.all():
@@ -83,15 +76,42 @@ def has_left_out(flight: Flight) -> bool:
     return bool((Columns(x, along).mean(flight.used.astype(np.float64)) < 0.5).any())
 
 
-def has_shadows(flight: Flight) -> bool:
-    """Whether there is shadow, and in so few stretches that they can be drawn."""
-    if flight.eclipse is None:
-        return False
-    begun = int(np.count_nonzero(np.diff(flight.eclipse.astype(np.int8), prepend=0) == 1))
-    return 0 < begun <= MOST_SHADOWS
+def find_shadows(flight: Flight) -> Index:
+    """Where each stretch of shadow begins and where the next begins that is none, (s, 2); none
+    where there are so many that they cannot be drawn."""
+    shadow = np.zeros(1, dtype=bool) if flight.eclipse is None else flight.eclipse
+    edges = np.flatnonzero(np.diff(shadow.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    return edges if len(edges) <= MOST_SHADOWS else edges[:0]
 
 
-def draw_bias(course: Course, axis: int) -> Markup:
+def draw_course(flight: Flight) -> Markup:
+    """The bias over time, with its band and its jumps."""
+    course = flight.course
+    keys = {
+        "bias": "what is found in flight" if flight.fit else "the bias",
+        "band": "± 2 standard errors",
+        **({"jump": "a jump"} if course.jumps else {}),
+    }
+    drawn = Markup("".join(_draw_bias(course, axis) for axis in range(3)))
+    return strips.caption(f"Bias along x, y and z, {unit_label(course.unit)}", drawn, keys)
+
+
+def draw_direction(time: Array, error_deg: Array, used: Array) -> Markup:
+    """The angle to the field of the model over time; `used` are those that took part."""
+    x, along = along_time(time, float(time[0]), float(time[-1]))
+    y = Axis("angle, °", 0.0, max(1.1 * float(np.percentile(used, 99.5)), 1e-9))
+    columns = Columns(x, along)
+    layers = [
+        strips.spread(columns, y, error_deg, "range"),
+        strips.line(columns, y, columns.percentiles(error_deg, (50.0,))[0], "mean"),
+    ]
+    signs = strips.arrows(columns, y, error_deg)
+    drawn = strips.plot(x, y, layers, "Angle to the model over time", signs)
+    keys = {"range": "least to largest", "mean": "median"}
+    return strips.caption("Angle to the field of the model", drawn, keys)
+
+
+def _draw_bias(course: Course, axis: int) -> Markup:
     """One axis of the bias over time with the band of two standard errors, and the jumps."""
     x, at = along_time(course.time, float(course.time[0]), float(course.time[-1]))
     if x.high == x.low:
@@ -116,10 +136,9 @@ def draw_bias(course: Course, axis: int) -> Markup:
     return strips.plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")
 
 
-def draw_map(flight: Flight, limit: float) -> tuple[Markup, float, float]:
-    """The mean residual of each cell of latitude and longitude, outliers clipped, as a strip; the
-    mean at which colour is full, which one cell in fifty exceeds, and how well a typical cell knows
-    its own, nT."""
+def draw_map(flight: Flight, limit: float) -> Markup:
+    """The mean residual of each cell of latitude and longitude, outliers clipped; colour is full at
+    a mean that one cell in fifty exceeds."""
     latitude, longitude = flight.latitude_deg, flight.longitude_deg
     assert latitude is not None
     assert longitude is not None
@@ -129,18 +148,22 @@ def draw_map(flight: Flight, limit: float) -> tuple[Markup, float, float]:
     row = np.minimum(((1 - y.share(latitude)) * below).astype(np.int64), below - 1)
     cell = (row * across + column)[flight.used]
     counts = np.bincount(cell, minlength=across * below)
-    sums = np.bincount(
-        cell, np.clip(flight.residuals[flight.used], -limit, limit), minlength=across * below
-    )
-    seen = np.flatnonzero(counts)
+    clipped = np.clip(flight.residuals[flight.used], -limit, limit)
+    sums, seen = np.bincount(cell, clipped, minlength=across * below), np.flatnonzero(counts)
     means = sums[seen] / counts[seen]
-    full = max(float(np.percentile(np.abs(means), 98)), 1e-9) if len(seen) else 1.0
+    full, alone = 1.0, 1.0
+    if len(seen):
+        full = max(float(np.percentile(np.abs(means), 98)), 1e-9)
+        alone = max(float(np.median(counts[seen])) / flight.correlation, 1.0)
     shade = np.round(SHADES * np.clip(means / full, -1, 1)).astype(int)
     layers = [_cells(seen[shade == k], int(k)) for k in np.unique(shade)]
     label = "Mean residual of each cell of latitude and longitude"
-    alone = float(np.median(counts[seen])) / flight.correlation if len(seen) else 1.0
     drawn = strips.plot(x, y, layers, label, kind="map")
-    return drawn, full, flight.noise / float(np.sqrt(max(alone, 1.0)))
+    ends = (element("span", f"{sign}{quantity(full, 'nT', 2)}") for sign in "−+")
+    scale = element("p", next(ends), element("i", class_="ramp through"), *ends, class_="legend")
+    sd = quantity(flight.noise / float(np.sqrt(alone)), "nT", 2)
+    note = f"The mean residual of the readings in a cell, which a typical cell knows to ±{sd}."
+    return strips.caption("Where the residuals lie", Markup(scale + drawn), note=note)
 
 
 def _map_axes(latitude: Array, longitude: Array) -> tuple[Axis, Axis, Array]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agonic.arrays import Array
-from agonic.inflight.report.figures import draw_sigmas
+from agonic.arrays import Array, Index
+from agonic.inflight.fit import InflightFit
+from agonic.inflight.report import figures
 from agonic.inflight.report.flight import Comparison, Flight, Numbers
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.report.digits import (
     count,
+    degrees,
     group_digits,
     percent,
     quantity,
@@ -21,30 +21,19 @@ from agonic.report.digits import (
     show_sign,
     with_sd,
 )
-from agonic.report.labels import unit_label
+from agonic.report.labels import per_label, unit_label
 from agonic.report.markup import Markup, element, row, table
+from agonic.report.section import Block, Section, Table
 from agonic.report.tables import NOTHING
 from agonic.report.verdict import sentence
 
 NAMED = 0.1
 """Share of the variance from which a cause is named."""
+FARTHEST = 12.0
+"""Standard errors that a bar shows at most; the number beside it has no end."""
 _BINS = 12
 _CLIP = 4.0  # standard deviations at which an outlier counts no more
-
-
-@dataclass(frozen=True, kw_only=True)
-class Share:
-    """How much of the residuals' variance goes with something, 0…1, and what that points to."""
-
-    what: str
-    share: float
-    cause: str
-
-    @property
-    def named(self) -> bool:
-        """Whether it stands out."""
-        return self.share >= NAMED
-
+_FINE_DEG = 0.05  # standard errors below this are shown in arcseconds
 
 CAUSES = {
     "time": "a bias that drifts: allow it more knots, or a larger walk",
@@ -57,6 +46,23 @@ CAUSES = {
 }
 
 
+class Share(NamedTuple):
+    """How much of the residuals' variance goes with something, 0…1, and what that points to."""
+
+    what: str
+    share: float
+
+    @property
+    def cause(self) -> str:
+        """What it points to."""
+        return CAUSES[self.what]
+
+    @property
+    def named(self) -> bool:
+        """Whether it stands out."""
+        return self.share >= NAMED
+
+
 def explain(flight: Flight) -> list[Share]:
     """The shares, largest first, each corrected for what chance alone would explain.
 
@@ -64,44 +70,34 @@ def explain(flight: Flight) -> list[Share]:
 
     with R² from the means of k classes (adjusted R²: Theil, Economic Forecasts and Policy, 1961).
     """
-    rows = flight.used
-    values = flight.residuals[rows]
+    used, eclipse = flight.used, flight.eclipse
+    values = flight.residuals[used]
     if len(values) < 2 * _BINS:
         return []
     scale = _CLIP * max(robust_scale(values - np.median(values)), 1e-12)
     values = np.clip(values - np.median(values), -scale, scale)
     alone = max(len(values) / flight.correlation, 1.0)
-    found = [
-        Share(what=what, share=_share(values, of_class[rows], alone), cause=CAUSES[what])
-        for what, of_class in _classes(flight)
-    ]
-    return sorted(found, key=lambda e: -e.share)
-
-
-def _classes(flight: Flight) -> Iterator[tuple[str, NDArray[np.int64]]]:
-    """The class of every reading by each quantity that is known."""
-    yield "time", _in_classes(flight.time)
-    if flight.latitude_deg is not None:
-        yield "latitude", _in_classes(flight.latitude_deg)
+    along = {"time": flight.time, "latitude": flight.latitude_deg}
     if flight.temperature is not None and np.ptp(flight.temperature) > 0:
-        yield "temperature", _in_classes(flight.temperature)
-    if flight.eclipse is not None and 0 < flight.eclipse.mean() < 1:
-        yield "shadow", flight.eclipse.astype(np.int64)
+        along["temperature"] = flight.temperature
+    classes = {what: _find_classes(of) for what, of in along.items() if of is not None}
+    if eclipse is not None and 0 < eclipse.mean() < 1:
+        classes["shadow"] = eclipse.astype(np.intp)
+    shares = [Share(what, _find_share(values, of[used], alone)) for what, of in classes.items()]
+    return sorted(shares, key=lambda one: -one.share)
 
 
-def _in_classes(values: Array) -> NDArray[np.int64]:
+def _find_classes(values: Array) -> Index:
     """Twelve classes of equal width between the 0.1st and the 99.9th percentile."""
     low, high = np.percentile(values, (0.1, 99.9))
     share = (values - low) / max(high - low, np.finfo(float).tiny)
-    return np.asarray(np.clip((share * _BINS).astype(np.int64), 0, _BINS - 1))
+    return np.asarray(np.clip((share * _BINS).astype(np.intp), 0, _BINS - 1))
 
 
-def _share(values: Array, of_class: NDArray[np.int64], alone: float) -> float:
+def _find_share(values: Array, of_class: Index, alone: float) -> float:
     """Adjusted R² of the means of the classes; 0 where chance would do as well."""
     counts = np.bincount(of_class)
-    sums = np.bincount(of_class, values)
-    k = int(np.count_nonzero(counts))
-    means = sums / np.maximum(counts, 1)
+    k, means = int(np.count_nonzero(counts)), np.bincount(of_class, values) / np.maximum(counts, 1)
     total = float(((values - values.mean()) ** 2).sum())
     if total == 0.0 or alone <= k:
         return 0.0
@@ -109,15 +105,55 @@ def _share(values: Array, of_class: NDArray[np.int64], alone: float) -> float:
     return max(0.0, 1.0 - left * (alone - 1) / (alone - k))
 
 
-FARTHEST = 12.0
-"""Standard errors that a bar shows at most; the number beside it has no end."""
+def list_causes(shares: list[Share]) -> Markup:
+    """What the residuals go with, and the likely causes by name."""
+    if not shares:
+        return element("p", "Too few readings to find what the residuals follow.")
+    said = (
+        "What the residuals follow is their likely cause."
+        if shares[0].named
+        else f"Nothing explains {percent(NAMED)} or more of the residuals’ variance: no cause "
+        "stands out."
+    )
+    rows = [
+        [
+            sentence(one.what)[:-1],
+            percent(one.share) if one.share >= 0.01 else f"below {percent(0.01)}",
+            sentence(one.cause) if one.named else NOTHING,
+        ]
+        for one in shares
+    ]
+    head = ["Goes with", "Share of the variance", "Points to"]
+    return Markup(element("p", said) + table(head, rows, class_="causes"))
 
 
-def compare_numbers(groups: tuple[Numbers, ...]) -> Markup:
+def compare_numbers(numbers: tuple[Numbers, ...]) -> Section:
     """Ground against flight: values with standard errors, and the change in units of its own."""
-    known = any(q.ground is not None for group in groups for q in group.rows)
-    all_sigmas = [abs(q.sigmas) for g in groups for q in g.rows if q.sigmas is not None]
-    reach = float(np.clip(1.2 * max(all_sigmas, default=3.0), 4.0, FARTHEST))
+    every = [q for group in numbers for q in group.rows]
+    title, known = "Ground against flight", every[0].ground is not None
+    if not known:
+        title = "Numbers"
+        said = "There was no ground calibration to compare with. ± is one standard error."
+    elif all(q.ground_sd is None for q in every):
+        said = (
+            "The ground calibration came without standard errors, so a change is measured by that "
+            "of the flight alone. Lines at ±1 and ±2 standard errors."
+        )
+    else:
+        said = (
+            "σ is that of the change, from both standard errors. Lines at ±1 and ±2 σ; beyond ±3 "
+            "the two do not agree."
+        )
+    shown = [group for group in numbers if not all(q.fixed for q in group.rows)]
+    for group in numbers:
+        if group not in shown:
+            said += f" The {group.name.lower()} was fixed at its earlier value."
+    return Section(title, [lambda: [_tabulate(shown, known), element("p", said, class_="aside")]])
+
+
+def _tabulate(groups: list[Numbers], known: bool) -> Markup:
+    sigmas = [abs(q.sigmas) for g in groups for q in g.rows if q.sigmas is not None]
+    reach = float(np.clip(1.2 * max(sigmas, default=3.0), 4.0, FARTHEST))
     head = ["Number", "Flight"]
     if known:
         head = ["Number", "Ground", "Flight", "Change", "in σ", "change over its standard error"]
@@ -126,56 +162,24 @@ def compare_numbers(groups: tuple[Numbers, ...]) -> Markup:
         unit = f", {unit_label(group.unit)}" if group.unit else ""
         note = f" ({group.note})" if group.note else ""
         name = element("th", f"{group.name}{unit}{note}", scope="rowgroup", colspan=len(head))
-        cells = (row(_cells(q, known, reach)) for q in group.rows)
+        cells = (row(_list_cells(q, reach)) for q in group.rows)
         bodies.append(element("tbody", element("tr", name), *cells))
     columns = element("tr", *(element("th", text, scope="col") for text in head))
     return element("table", element("thead", columns), *bodies, class_="numbers compared")
 
 
-def _cells(q: Comparison, known: bool, reach: float) -> list[str]:
-    flight = "fixed" if q.fixed and known else with_sd(q.flight, q.flight_sd)
-    if q.fixed and not known:
-        flight = f"{round_to_sd(q.flight, None)} (fixed)"
-    if not known:
-        return [q.name, flight]
-    assert q.ground is not None
-    assert q.change is not None
+def _list_cells(q: Comparison, reach: float) -> list[str]:
+    if q.ground is None:
+        fixed = f"{round_to_sd(q.flight, None)} (fixed)"
+        return [q.name, fixed if q.fixed else with_sd(q.flight, q.flight_sd)]
     digits = None if q.fixed else q.change_sd
     ground = with_sd(q.ground, q.ground_sd) if q.ground_sd else round_to_sd(q.ground, digits)
     if q.sigmas is None:
-        return [q.name, ground, flight, NOTHING, NOTHING, Markup("")]
-    change = show_sign(round_to_sd(q.change, q.change_sd))
+        return [q.name, ground, "fixed", NOTHING, NOTHING, Markup("")]
+    change = show_sign(round_to_sd(q.flight - q.ground, q.change_sd))
     far = f"{show_sign(group_digits(q.sigmas, 1 if abs(q.sigmas) < 100 else 0))} σ"
-    return [q.name, ground, flight, change, far, draw_sigmas(q.sigmas, reach)]
-
-
-def compare_sunlight(flight: Flight) -> Markup:
-    """Residuals in sunlight and in the shadow, and how far their means are apart."""
-    assert flight.eclipse is not None
-    parts = {"Sunlit": ~flight.eclipse, "In the Earth’s shadow": flight.eclipse}
-    rows, means, errors = [], [], []
-    for name, inside in parts.items():
-        values = flight.residuals[inside & flight.used]
-        if len(values) == 0:
-            rows.append([name, group_digits(0), NOTHING, NOTHING, NOTHING])
-            continue
-        scatter = robust_scale(values - np.median(values))
-        error = scatter * float(np.sqrt(flight.correlation / len(values)))
-        means.append(float(values.mean()))
-        errors.append(error)
-        middle = quantity(float(np.median(values)), "nT", 2)
-        n, mean = group_digits(len(values)), with_sd(means[-1], error)
-        rows.append([name, n, mean, middle, quantity(scatter, "nT", 2)])
-    drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
-    if len(means) < 2:
-        said = "The whole record lies in sunlight, or the whole of it in the shadow."
-    else:
-        apart = float(np.hypot(errors[0], errors[1]))
-        said = (
-            f"In the shadow the mean is {show_sign(with_sd(means[1] - means[0], apart))} nT "
-            "from that in sunlight."
-        )
-    return Markup(drawn + element("p", said))
+    flight = with_sd(q.flight, q.flight_sd)
+    return [q.name, ground, flight, change, far, figures.draw_sigmas(q.sigmas, reach)]
 
 
 def list_left_out(flight: Flight) -> Markup:
@@ -186,9 +190,9 @@ def list_left_out(flight: Flight) -> Markup:
         for why, n in flight.left_out.items()
         if n
     ]
-    used = int(np.count_nonzero(flight.used))
-    part = "are counted on this page" if flight.predicted else "were used for the result"
-    said = f"{count(used, 'reading')} of {group_digits(whole)} {part}."
+    part = "were used for the result" if flight.fit else "are counted on this page"
+    used = count(int(np.count_nonzero(flight.used)), "reading")
+    said = f"{used} of {group_digits(whole)} {part}."
     if flight.fit is not None and flight.fit.thinned > 1:
         said += f" Drawn and counted here is every {flight.fit.thinned}th row of the record."
     if not rows:
@@ -209,11 +213,12 @@ def list_held_out(flight: Flight) -> Markup:
     if not held_out:
         said = "The number of knots was given, so nothing was chosen by held-out error."
         return element("p", said)
-    least = min(held_out.values())
     rows = []
     for n, error in held_out.items():
+        above, small = error / min(held_out.values()) - 1, 0.001
+        more = show_sign(percent(above)) if above >= small else f"below {percent(small)}"
         name, choice = count(n, "interval") if n else "constant", "chosen" if n == chosen else ""
-        rows.append([name, quantity(error, "nT"), _above(error / least - 1), choice])
+        rows.append([name, quantity(error, "nT"), more if above else NOTHING, choice])
     said = (
         "Every second block of time was left out of the fit and then predicted. Intervals are "
         "doubled until unseen readings fit clearly better, then as long as they fit no worse."
@@ -224,60 +229,99 @@ def list_held_out(flight: Flight) -> Markup:
 
 def describe_model_error(flight: Flight) -> Markup:
     """How large the residuals are, and how much of them is correlated, in words."""
-    begin = "Predictions miss" if flight.predicted else "Residuals scatter"
+    begin = "Residuals scatter" if flight.fit else "Predictions miss"
     said = f"{begin} by {quantity(flight.noise, 'nT', 2)} (one standard deviation)."
     if not flight.lasting_s:
-        said += (
-            " Successive residuals are uncorrelated: errors of the field model are small "
-            "beside the noise of single readings."
+        return element(
+            "p",
+            f"{said} Successive residuals are uncorrelated: errors of the field model are small "
+            "beside the noise of single readings.",
         )
-        return element("p", said)
     alone = float(np.sqrt(max(flight.noise**2 - flight.lasting_nT**2, 0.0)))
-    said += (
-        f" Of this {quantity(alone, 'nT', 2)} is noise, new in every reading; the other "
+    seconds, every = flight.lasting_s, " Every standard error on this page takes account of it."
+    unit, size = next((u, s) for u, s, most in _DURATIONS if seconds < most)
+    return element(
+        "p",
+        f"{said} Of this {quantity(alone, 'nT', 2)} is noise, new in every reading; the other "
         f"{quantity(flight.lasting_nT, 'nT', 2)} are correlated over about "
-        f"{_duration(flight.lasting_s)}, so that {quantity(flight.correlation, '', 2)} readings "
-        "count as much as an independent one."
+        f"{quantity(max(seconds, 0.01) / size, unit, 2)}, so that "
+        f"{quantity(flight.correlation, '', 2)} readings count as much as an independent one."
+        f"{every if flight.fit else ''} Correlated errors come from the field model (crust, ring "
+        "current, ionosphere), currents on board, or a calibration that changes with temperature.",
     )
-    if not flight.predicted:
-        said += " Every standard error on this page takes account of it."
-    said += (
-        " Correlated errors come from the field model (crust, ring current, ionosphere), currents "
-        "on board, or a calibration that changes with temperature."
+
+
+_DURATIONS = (("s", 1.0, 120.0), ("min", 60.0, 7200.0), ("h", 3600.0, np.inf))
+"""Units of a time, s, and up to when each is used."""
+
+
+def describe_direction(fit: InflightFit) -> list[Section]:
+    """How far corrected field and model are apart in direction, and how the sensor is mounted."""
+    if fit.direction_error_deg is None:
+        return []
+    used = fit.direction_error_deg[fit.weights > 0]
+    apart = ", ".join(
+        f"{quantity(of.noise, 'nT', 2)} in {kind}" for kind, of in fit.channels.items()
     )
-    return element("p", said)
-
-
-def _duration(seconds: float) -> str:
-    """A time in a unit that fits."""
-    if seconds < 120:
-        return quantity(max(seconds, 0.01), "s", 2)
-    if seconds < 7200:
-        return quantity(seconds / 60, "min", 2)
-    return quantity(seconds / 3600, "h", 2)
-
-
-def list_causes(shares: list[Share]) -> Markup:
-    """What the residuals go with, and the likely causes by name."""
-    if not shares:
-        return element("p", "Too few readings to find what the residuals follow.")
-    named = [share for share in shares if share.named]
-    rows = []
-    for one in shares:
-        of = percent(one.share) if one.share >= 0.01 else f"below {percent(0.01)}"
-        cause = sentence(one.cause) if one.named else NOTHING
-        rows.append([sentence(one.what)[:-1], of, cause])
     said = (
-        "What the residuals follow is their likely cause."
-        if named
-        else f"Nothing explains {percent(NAMED)} or more of the residuals’ variance: no cause "
-        "stands out."
+        f"The corrected field points {degrees(float(np.median(used)))} (median; rms "
+        f"{degrees(float(np.sqrt(np.mean(used**2))))}) from the field of the model. Standard "
+        f"deviations: {apart}."
     )
-    head = ["Goes with", "Share of the variance", "Points to"]
-    return Markup(element("p", said) + table(head, rows, class_="causes"))
+    parts: list[Block] = [said, figures.draw_direction(fit.time, fit.direction_error_deg, used)]
+    if fit.alignment is not None:
+        turn, sd = np.degrees(fit.alignment.rotation.as_rotvec()), np.zeros(3)
+        if fit.alignment.covariance is not None:
+            sd = np.degrees(np.sqrt(np.maximum(np.diag(fit.alignment.covariance), 0.0)))
+        frames = f"Turn from the axes {fit.alignment.frame_in} to {fit.alignment.frame_out}"
+        rows = [
+            [
+                f"about {axis}",
+                with_sd(float(turn[k]), float(sd[k])),
+                quantity(3600.0 * float(sd[k]), "″", 2) if sd[k] < _FINE_DEG else degrees(sd[k]),
+            ]
+            for k, axis in enumerate("xyz")
+        ]
+        parts.append(Table([frames, "°", "standard error"], rows))
+    return [Section("Direction", parts)]
 
 
-def _above(share: float) -> str:
-    if share == 0.0:
-        return NOTHING
-    return show_sign(percent(share)) if share >= 0.001 else f"below {percent(0.001)}"
+def describe_sources(fit: InflightFit) -> list[Section]:
+    """What a unit of each source on board adds to a reading."""
+    if not fit.source_names:
+        return []
+    rows = [
+        [name, *(with_sd(float(v), float(s)) for v, s in zip(added, errors, strict=True))]
+        for name, added, errors in zip(
+            fit.source_names, fit.sources.T, fit.sources_sd.T, strict=True
+        )
+    ]
+    units = " or ".join(sorted({per_label(name) for name in fit.source_names}))
+    note = f"What each adds to a reading, {unit_label(fit.change.unit_in)} {units}."
+    return [Section("Currents on board", [note, Table(["Source", "x", "y", "z"], rows)])]
+
+
+def compare_sunlight(flight: Flight) -> Markup:
+    """Residuals in sunlight and in the shadow, and how far their means are apart."""
+    assert flight.eclipse is not None
+    rows, means, errors = [], [], []
+    for name, inside in {
+        "Sunlit": ~flight.eclipse,
+        "In the Earth’s shadow": flight.eclipse,
+    }.items():
+        values = flight.residuals[inside & flight.used]
+        if len(values) == 0:
+            rows.append([name, group_digits(0), NOTHING, NOTHING, NOTHING])
+            continue
+        middle = float(np.median(values))
+        scatter = robust_scale(values - middle)
+        means.append(float(values.mean()))
+        errors.append(scatter * float(np.sqrt(flight.correlation / len(values))))
+        mean, spread = with_sd(means[-1], errors[-1]), quantity(scatter, "nT", 2)
+        rows.append([name, group_digits(len(values)), mean, quantity(middle, "nT", 2), spread])
+    drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
+    said = "The whole record lies in sunlight, or the whole of it in the shadow."
+    if len(means) == 2:
+        step = show_sign(with_sd(means[1] - means[0], float(np.linalg.norm(errors))))
+        said = f"In the shadow the mean is {step} nT from that in sunlight."
+    return Markup(drawn + element("p", said))
