@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from agonic.calibration.tracking import Jump, TrackerState
+from agonic.calibration.tracking import TrackerState
 from agonic.health import Finding, figure
 from agonic.inflight.tracking.opening import compute_nonlinearity
 
@@ -31,7 +31,18 @@ def list_findings(state: TrackerState) -> Iterator[Finding]:
     ['not settled']
     """
     if state.jumps:
-        yield _describe_jumps(state.jumps, state.base.unit_in)
+        last, unit = state.jumps[-3:], state.base.unit_in
+        sizes = ", ".join(
+            f"at {jump.time:.1f} s by {figure(float((jump.shift**2).sum() ** 0.5))} {unit}"
+            for jump in last
+        )
+        more = f"; the last {len(last)} of {len(state.jumps)} are given"
+        yield Finding(
+            "bias jumped",
+            "check",
+            f"the bias jumped {sizes}{more if len(state.jumps) > 3 else ''}",
+            "look for what was switched or deployed then; earlier readings are not used any more",
+        )
     if state.gyro_unused:
         yield Finding(
             "gyro left aside",
@@ -57,8 +68,27 @@ def list_findings(state: TrackerState) -> Iterator[Finding]:
             "prediction and were not used",
             "look for what disturbs, or give a larger noise",
         )
-    yield from _describe_unseen_turn(state)
-    yield from _describe_correlation(state)
+    if state.turn is not None and state.turn.unseen_turn > UNSEEN:
+        yield Finding(
+            "turn between readings",
+            "check",
+            f"how far the sensor turned between two readings is known to "
+            f"{np.degrees(state.turn.unseen_turn):.0f}° only, by the rates at both; "
+            "the bias allows for it, but the delay and with it the field may be further off",
+            "record readings and rates more often, or turn more slowly",
+        )
+    factor, growing = state.estimate.inflation
+    if state.settled and factor.max() != 1.0:
+        larger = figure(float(factor[state.estimate.coefficients[:3]].max()))
+        yield Finding(
+            "correlated errors",
+            "check" if growing or factor.max() > CORRELATED else "note",
+            "prediction errors are correlated over time: standard errors of the bias are "
+            f"{larger} times those of independent errors, and are stated with it"
+            + (", and errors may last for longer than was seen" if growing else ""),
+            "give the error of the reference and its time (external_sd, external_time_s), or "
+            "follow a bias that moves (walk)",
+        )
     low, high = INCONSISTENT
     if state.n >= _ENOUGH and not low < state.consistency < high:
         yield Finding(
@@ -68,49 +98,3 @@ def list_findings(state: TrackerState) -> Iterator[Finding]:
             "adapt noise, walk or external field; the stated band is wrong by about the same "
             "factor",
         )
-
-
-def _describe_correlation(state: TrackerState) -> Iterator[Finding]:
-    """That errors last, by how much they make the standard errors larger."""
-    factor, growing = state.estimate.inflation
-    if not state.settled or factor.max() == 1.0:
-        return
-    doubted = growing or factor.max() > CORRELATED
-    larger = figure(float(factor[state.estimate.coefficients[:3]].max()))
-    yield Finding(
-        "correlated errors",
-        "check" if doubted else "note",
-        "prediction errors are correlated over time: standard errors of the bias are "
-        f"{larger} times those of independent errors, and are stated with it"
-        + (", and errors may last for longer than was seen" if growing else ""),
-        "give the error of the reference and its time (external_sd, external_time_s), or "
-        "follow a bias that moves (walk)",
-    )
-
-
-def _describe_unseen_turn(state: TrackerState) -> Iterator[Finding]:
-    """That readings are too far apart for their rates to tell how the sensor turned."""
-    if state.turn is None or not state.turn.unseen_turn > UNSEEN:
-        return
-    yield Finding(
-        "turn between readings",
-        "check",
-        f"how far the sensor turned between two readings is known to "
-        f"{np.degrees(state.turn.unseen_turn):.0f}° only, by the rates at both; "
-        "the bias allows for it, but the delay and with it the field may be further off",
-        "record readings and rates more often, or turn more slowly",
-    )
-
-
-def _describe_jumps(jumps: tuple[Jump, ...], unit: str) -> Finding:
-    sizes = ", ".join(
-        f"at {jump.time:.1f} s by {figure(float((jump.shift**2).sum() ** 0.5))} {unit}"
-        for jump in jumps[-3:]
-    )
-    last = f"; the last {len(jumps[-3:])} of {len(jumps)} are given" if len(jumps) > 3 else ""
-    return Finding(
-        "bias jumped",
-        "check",
-        f"the bias jumped {sizes}{last}",
-        "look for what was switched or deployed then; earlier readings are not used any more",
-    )

@@ -115,10 +115,7 @@ def update(
     >>> bool(np.all(np.abs(state.bias - made.truth.bias) < 4 * state.bias_sd))
     True
     """
-    if state.turn is None:
-        rows = make_rows(time, raw, magnitude)
-    else:
-        rows = make_rows_with_rate(state, time, raw, rate, magnitude)
+    rows = make_rows(state, time, raw, rate, magnitude)
     first = float(rows[0, 0])
     if first <= state.time or (len(rows) > 1 and (np.diff(rows[:, 0]) <= 0).any()):
         raise AgonicError(
@@ -280,41 +277,32 @@ def _follow_up(
     return reopen(after, given) if jumped else after
 
 
-def make_rows(time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike) -> Array:
-    """Rows (n, 6) as the kernel takes them, checked."""
-    field = np.asarray(raw, dtype=np.float64).reshape(-1, 3)
-    rows = np.ones((len(field), 6))
-    try:
-        rows[:, 0], rows[:, 1:4], rows[:, 4] = time, field, magnitude
-    except ValueError as error:
-        raise AgonicError(f"time, raw and magnitude differ in length ({error})") from None
-    if not len(rows):
-        raise AgonicError("no readings were given")
-    if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
-        raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
-    if rows[:, 4].min() <= 0:
-        raise UnitError("a reference magnitude must be above zero, in nT")
-    return rows
-
-
-def make_rows_with_rate(
+def make_rows(
     state: TrackerState,
     time: ArrayLike,
     raw: ArrayLike,
     rate: ArrayLike | None,
     magnitude: ArrayLike,
 ) -> Array:
-    """Rows (n, 9) as the kernel beside a gyro takes them, in the axes of its symmetric matrix."""
-    if rate is None:
+    """Rows as the kernel takes them, checked: (n, 6), or beside a gyro (n, 9), with its rates in
+    the axes of the symmetric matrix."""
+    turns = state.turn is not None
+    if turns and rate is None:
         raise AgonicError("what is followed beside a gyro needs its rates with every reading")
-    known = np.asarray(magnitude, dtype=np.float64)
-    plain = make_rows(time, raw, np.where(known == 0, 1.0, known))
-    rows = np.empty((len(plain), states.BESIDE_GYRO.row))
-    rows[:, :4], rows[:, 7], rows[:, 8] = plain[:, :4], known, plain[:, 5]
+    field, size = np.asarray(raw, dtype=np.float64).reshape(-1, 3), 7 if turns else 4
+    rows = np.ones((len(field), size + 2))
     try:
-        rows[:, 4:7] = np.atleast_2d(np.asarray(rate, dtype=np.float64)) @ state.turned.rotation
+        rows[:, 0], rows[:, 1:4], rows[:, size] = time, field, magnitude
+        if turns:
+            rates = np.atleast_2d(np.asarray(rate, dtype=np.float64))
+            rows[:, 4:7] = rates @ state.turned.rotation
     except ValueError as error:
-        raise AgonicError(f"raw and rate differ in length ({error})") from None
-    if not isfinite(rows.sum()):
-        raise AgonicError("a rate is not a number; leave such rows out")
+        raise AgonicError(f"time, raw, rate and magnitude differ in length ({error})") from None
+    if not len(rows):
+        raise AgonicError("no readings were given")
+    if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
+        raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
+    least = rows[:, size].min()
+    if least < 0 or (least == 0 and not turns):
+        raise UnitError("a reference magnitude must be above zero, in nT")
     return rows

@@ -68,61 +68,48 @@ _SHOWN = 10.0  # log-likelihood by which a memory must explain the readings bett
 _TIMES = (1.5, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)  # readings
 _SHARES = (0.15, 0.5, 0.8, 0.97)  # of the variance that lasts
 _FEWEST_MEMORIES = 4  # times in the readings: of longer ones nothing is seen
+_LATEST = 2048  # readings that are looked at
 
 
 def find_memory(
     prior: FilterState, model: Model, rows: Array, about: Array, total: float
 ) -> Model | None:
     """The noise model whose lasting part makes rows (k, 6) most probable; None where what is given
-    does as well.
-
-    Parameters: `about` (10,) the state that residuals are linear about; `total` the sd of a
-    residual, in the unit of the readings.
+    does as well. Residuals are linear about a state (10,) and have the sd `total`.
 
     A filter that takes lasting errors for white ones learns each of them many times. The errors of
     the reference and those of a sensor, seen along the field, are one Gauss–Markov process beside
     the bias (`kalman`).
     """
-    step = float(np.median(np.diff(rows[:, 0])))
-    gain = float(np.mean(about[4:7]))
-    rows = rows[-2048:]
+    if total**2 < ROUNDING * prior.covariance.diagonal()[1:].max():
+        return None
+    step, gain = float(np.median(np.diff(rows[:, 0]))), float(np.mean(about[4:7]))
+    rows = rows[-_LATEST:]
     plain = model._replace(jump_level=0.0, gate=np.inf)
-    times = [t * step for t in _TIMES if t * _FEWEST_MEMORIES < len(rows)]
     tried = [
         plain._replace(
             noise=total * float(np.sqrt(1 - share)),
             external_sd=total * gain * float(np.sqrt(share)),
-            external_time_s=time,
+            external_time_s=time * step,
         )
-        for time in times
+        for time in _TIMES
+        if time * _FEWEST_MEMORIES < len(rows)
         for share in _SHARES
     ]
-    if total**2 < ROUNDING * prior.covariance.diagonal()[1:].max():
-        return None
-    without, *values = _compute_likelihoods(prior, [plain, *tried], rows[rows[:, 5] > 0], about)
-    return tried[int(np.argmax(values))] if max(values) > without + _SHOWN else None
-
-
-def widen_external(prior: FilterState, model: Model) -> FilterState:
-    """The prior with what the lasting error may be at its start."""
-    first, *others = prior.scales
-    return prior._replace(scales=[max(first, model.external_sd**2), *others])
-
-
-def _compute_likelihoods(
-    prior: FilterState, models: list[Model], rows: Array, about: Array
-) -> Array:
-    """The log-likelihood of rows under each model; the residuals times |s|, in nT."""
-    m, noise = len(prior.diagonal), np.array([model.noise for model in models])
-    plain, jacobian = linearise(rows, about)
-    bent = linearise(rows, about, float(noise.max()))[0] - plain  # as the square of the noise
+    models, rows, m = [plain, *tried], rows[rows[:, 5] > 0], len(prior.diagonal)
+    noise = np.array([one.noise for one in models])
+    bare, jacobian = linearise(rows, about)
+    bent = linearise(rows, about, float(noise.max()))[0] - bare  # as the square of the noise
     matrix = unpack_symmetric(about[4:])
     u = (rows[:, 1:4] - about[1:4]) @ matrix
-    steep = np.linalg.norm(u @ matrix, axis=1) / np.linalg.norm(u, axis=1)
+    steep = np.linalg.norm(u @ matrix, axis=1) / np.linalg.norm(u, axis=1)  # |s|: to nT
     h = np.column_stack([-np.ones(len(rows)), jacobian * steep[:, None]])[:, :m]
-    residual = steep[:, None] * (plain[:, None] + bent[:, None] * (noise / noise.max()) ** 2)
+    residual = steep[:, None] * (bare[:, None] + bent[:, None] * (noise / noise.max()) ** 2)
     residual += (h @ (prior.state - about)[:m])[:, None]
-    return compute_likelihoods(prior, models, rows[:, 0], residual, h, steep[:, None] * noise)
+    without, *values = compute_likelihoods(
+        prior, models, rows[:, 0], residual, h, steep[:, None] * noise
+    )
+    return tried[int(np.argmax(values))] if max(values) > without + _SHOWN else None
 
 
 _CERTAIN = 0.1  # of the field: a bias that is known to this needs no search
@@ -137,49 +124,61 @@ def find_most_probable(
     """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
     it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
     another component of the noise, whose sum of squares over n readings differs by so much."""
-    m = len(prior.diagonal) - 1
-    gaussian = GaussianPrior(prior)
+    own = slice(1, len(prior.diagonal))
+    gaussian = make_gaussian(prior)
     found: list[tuple[float, Array]] = []
     visited: list[Array] = []
-    for first in _starts(state, prior, rows):
-        scale = max(_scale(state, params, rows, first, m), robust_scale(residuals_at(rows, first)))
+
+    def measure_sd(about: Array) -> float:
+        """That of a residual: as stated, or as they are."""
+        if state.noise_known:
+            return compute_total_sd(params, state.noise, about)
+        unknowns = min(own.stop - 1, len(rows) - 1)
+        return max(robust_scale(linearise(rows, about)[0], unknowns), 1e-9)
+
+    def with_params(about: Array, values: Array) -> Array:
+        changed = about.copy()
+        changed[0], changed[own] = 0.0, values
+        return changed
+
+    for first in _list_starts(state, prior, rows):
+
+        def pieces(values: Array, about: Array = first) -> Iterator[tuple[Array, Array]]:
+            r, jacobian = linearise(rows, with_params(about, values), state.noise)
+            yield r, jacobian[:, : own.stop - 1]
+
+        scale = max(measure_sd(first), robust_scale(linearise(rows, first)[0]))
         for loss in (cauchy(), tukey()):
             solution = leastsq.solve(
-                _pieces(rows, first, m, state.noise),
-                first[1 : m + 1],
+                pieces,
+                first[own],
                 scale=scale,
                 loss=loss,
                 prior=gaussian,
                 tolerance=_ROUGH,
                 max_iterations=_STEPS,
             )
-            if found and any(_is_near(solution, params) for params in visited):
+            information = leastsq.inverse(solution.covariance)
+            apart = [solution.params - values for values in visited]
+            if found and any(one @ information @ one < _SAME**2 for one in apart):
                 break
             if not found:
                 visited.append(solution.params)
-            first = _with_params(first, solution.params)
-            scale = _scale(state, params, rows, first, m)
+            first = with_params(first, solution.params)
+            scale = measure_sd(first)
         else:
             found.append((scale, first))
     common = min(scale for scale, _ in found)
-    costs = [_cost(rows, about, gaussian, common) for _, about in found]
+    costs = []
+    for _, about in found:  # how improbable each is: a robust sum over the rows, and the prior
+        away, _ = gaussian(about[own])
+        q = (linearise(rows, about)[0] / common) ** 2
+        costs.append(float(cauchy().value(q).sum() + away @ away / 2))
     best = found[int(np.argmin(costs))][1]
-    near = [
-        about
-        for (_, about), cost in zip(found, costs, strict=True)
-        if cost < min(costs) + np.sqrt(len(rows))
-    ]
-    apart = np.max([np.abs(about[1:4] - best[1:4]) for about in near], axis=0)
-    noise = state.noise
-    if not state.noise_known:
-        noise = _scale(state, params, rows, best, m)
-    return best, noise, apart
-
-
-def _is_near(solution: leastsq.Solution, params: Array) -> bool:
-    """Whether a solution is within its standard errors of the parameters."""
-    away = solution.params - params
-    return float(away @ leastsq.inverse(solution.covariance) @ away) < _SAME**2
+    limit = min(costs) + np.sqrt(len(rows))
+    near = [about for (_, about), cost in zip(found, costs, strict=True) if cost < limit]
+    far = np.max([np.abs(about[1:4] - best[1:4]) for about in near], axis=0)
+    return best, state.noise if state.noise_known else measure_sd(best), far
 
 
 def compute_total_sd(params: TrackerParams, noise: float, about: Array) -> float:
@@ -187,21 +186,7 @@ def compute_total_sd(params: TrackerParams, noise: float, about: Array) -> float
     return float(np.hypot(noise, (params.external_sd or 0.0) / float(np.mean(about[4:7]))))
 
 
-def _cost(rows: Array, about: Array, prior: GaussianPrior, scale: float) -> float:
-    """How improbable a state is: a robust sum over the rows, and the prior."""
-    away, _ = prior(about[1 : 1 + len(prior.centre)])
-    q = (residuals_at(rows, about) / scale) ** 2
-    return float(cauchy().value(q).sum() + away @ away / 2)
-
-
-def _scale(state: TrackerState, params: TrackerParams, rows: Array, about: Array, m: int) -> float:
-    """The standard deviation to judge residuals by: as stated, or as they are."""
-    if state.noise_known:
-        return compute_total_sd(params, state.noise, about)
-    return max(robust_scale(residuals_at(rows, about), min(m, len(rows) - 1)), 1e-9)
-
-
-def _starts(state: TrackerState, prior: FilterState, rows: Array) -> Iterator[Array]:
+def _list_starts(state: TrackerState, prior: FilterState, rows: Array) -> Iterator[Array]:
     """Where to begin: the estimate, and, where little is known, the sphere that most lie on."""
     yield state.estimate.state
     magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
@@ -214,35 +199,11 @@ def _starts(state: TrackerState, prior: FilterState, rows: Array) -> Iterator[Ar
         yield np.concatenate([[0.0], centre + size * bias, prior.state[4:]])
 
 
-class GaussianPrior:
+def make_gaussian(prior: FilterState) -> leastsq.Prior:
     """The prior on bias and matrix as residuals: D^(−1/2) U⁻¹ (x − x₀), without the field's g."""
-
-    def __init__(self, prior: FilterState) -> None:
-        upper = prior.columns.T[1:, 1:]
-        self.whiten = np.linalg.inv(upper) / np.sqrt(prior.diagonal[1:])[:, None]
-        self.centre = prior.state[1 : len(prior.diagonal)]
-
-    def __call__(self, params: Array) -> tuple[Array, Array]:
-        return self.whiten @ (params - self.centre), self.whiten
-
-
-def _pieces(rows: Array, about: Array, m: int, scale: float) -> leastsq.Pieces:
-    def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
-        residuals, jacobian = linearise(rows, _with_params(about, params), scale)
-        yield residuals, jacobian[:, :m]
-
-    return pieces
-
-
-def _with_params(state: Array, params: Array) -> Array:
-    changed = state.copy()
-    changed[0] = 0.0
-    changed[1 : 1 + len(params)] = params
-    return changed
-
-
-def residuals_at(rows: Array, state: Array) -> Array:
-    return linearise(rows, state)[0]
+    whiten = np.linalg.inv(prior.columns.T[1:, 1:]) / np.sqrt(prior.diagonal[1:])[:, None]
+    centre = prior.state[1 : len(prior.diagonal)]
+    return lambda params: (whiten @ (params - centre), whiten)
 
 
 def linearise(rows: Array, state: Array, noise: float = 0.0) -> tuple[Array, Array]:

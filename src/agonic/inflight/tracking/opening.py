@@ -30,9 +30,8 @@ DOUBT = 2.0
 
 _PATIENT = 1024  # readings in which an opening settles where the directions of the field turn
 _CURVED = 0.03  # part of the noise that the curvature of residuals may come to in a filter
-_NONLINEAR = (
-    0.5  # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
-)
+# the same where they turn slowly, as once an orbit: jumps are not seen until it closes
+_NONLINEAR = 0.5
 _FEWEST = 64  # readings from which a noise that was not given is estimated
 _SHOWN = 768  # readings in which a memory shows, where none is given
 
@@ -57,9 +56,9 @@ def count_since_jump(
     last = max((n for n in MOMENTS if n < len(opening.rows)), default=0)
     if last < _PATIENT:
         return 0
-    then = robust_scale(map_estimate.residuals_at(opening.rows[:last], before.estimate.state))
+    then = robust_scale(map_estimate.linearise(opening.rows[:last], before.estimate.state)[0])
     then = max(then, map_estimate.compute_total_sd(params, now.noise, now.estimate.state))
-    new = map_estimate.residuals_at(opening.rows[last:], now.estimate.state)
+    new, _ = map_estimate.linearise(opening.rows[last:], now.estimate.state)
     far = 4 * np.count_nonzero(np.abs(new) > params.gate * then) > len(new)
     return len(new) if far or robust_scale(new) > 2 * then else 0
 
@@ -132,12 +131,20 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     residuals, _ = map_estimate.linearise(rows, about)
     fits = np.abs(residuals) <= params.gate * max(total, robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], fits])
-    model = _find_model(state, given, noise, total, marked, about)
+    model = state.settle_params(given).model(noise)
+    if given.external_sd is None and len(rows) % map_estimate.MEMORY_FROM == 0:
+        # each time they have doubled
+        model = map_estimate.find_memory(prior, model, marked, about, total) or model
     if model.external_sd:
-        state = replace(state, external_sd=model.external_sd, external_time_s=model.external_time_s)
-        prior, noise = map_estimate.widen_external(prior, model), model.noise
-        opening = replace(opening, prior=prior)
-        state = replace(state, opening=opening)
+        first, *others = prior.scales  # the lasting error may be there at the start
+        prior = prior._replace(scales=[max(first, model.external_sd**2), *others])
+        opening, noise = replace(opening, prior=prior), model.noise
+        state = replace(
+            state,
+            opening=opening,
+            external_sd=model.external_sd,
+            external_time_s=model.external_time_s,
+        )
     model = model._replace(jump_level=0.0, gate=np.inf)
     earlier = max(len(rows) - STRIDE, 0)
     before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
@@ -145,16 +152,20 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     after = replace(state, estimate=estimate, noise=noise)
     after = replace(after, jumps=_measure_jump(after, opening.before))
     known = given.external_sd is not None or opening.before is not None or len(rows) >= _SHOWN
-    known |= _has_walked(estimate, rows, params)
-    fitting = known and opening.outliers is not None and 4 * opening.outliers <= len(rows)
+    # whether the bias walked further during these rows than it is unknown
+    variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
+    walked = bool(variance > np.trace(estimate.covariance[1:4, 1:4]))
+    fitting = opening.outliers is not None and 4 * opening.outliers <= len(rows)
     alone = bool((apart < params.gate * after.bias_sd).all())
-    closed = fitting and alone and _has_settled(after, params, total)
+    magnitude, few = float(rows[-1, 4]), not state.noise_known and len(rows) < _FEWEST
+    limit = _CURVED * noise if len(rows) < _PATIENT else _NONLINEAR * total
+    settled = not few and (walked or compute_nonlinearity(estimate, magnitude) < limit)
+    closed = (known or walked) and fitting and alone and settled
     if not closed and len(rows) < MOMENTS[-1]:
-        magnitude = float(rows[-1, 4])
         wide = widen_for_nonlinearity(estimate, prior, apart, magnitude, noise)
         learns = compute_nonlinearity(wide, magnitude) < _NONLINEAR * noise
         return replace(after, estimate=wide, opening=replace(opening, outliers=0, learns=learns))
-    wide = widen_for_nonlinearity(estimate, prior, apart * 0, float(rows[-1, 4]), noise)
+    wide = widen_for_nonlinearity(estimate, prior, apart * 0, magnitude, noise)
     after = replace(after, estimate=wide)
     recent = Recent(before=wide, middle=wide, rows=np.empty((0, 6)))
     if len(rows) >= STRIDE:  # a jump may hide in the last readings of an opening
@@ -165,35 +176,6 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
         noise_known=True,
         recent=recent,
         refused=state.refused + int((~fits).sum()),
-    )
-
-
-def _find_model(
-    state: TrackerState,
-    given: TrackerParams,
-    noise: float,
-    total: float,
-    rows: Array,
-    about: Array,
-) -> states.Model:
-    """The noise model of an opening: as given, or with the memory that its rows (k, 6) show, which
-    is sought each time they have doubled."""
-    opening, model = state.opening, state.settle_params(given).model(noise)
-    if given.external_sd is not None or opening is None or len(rows) % map_estimate.MEMORY_FROM:
-        return model
-    return map_estimate.find_memory(opening.prior, model, rows, about, total) or model
-
-
-def _has_settled(state: TrackerState, params: TrackerParams, total: float) -> bool:
-    """Whether the filter may run on its own; `total` is the sd of a residual."""
-    opening = state.opening
-    assert opening is not None, "the caller has one"
-    rows, estimate = opening.rows, state.estimate
-    if not state.noise_known and len(rows) < _FEWEST:
-        return False
-    limit = _CURVED * state.noise if len(rows) < _PATIENT else _NONLINEAR * total
-    return compute_nonlinearity(estimate, float(rows[-1, 4])) < limit or _has_walked(
-        estimate, rows, params
     )
 
 
@@ -212,21 +194,13 @@ def date_jump(
     about, noise, _ = map_estimate.find_most_probable(state, opening.prior, opening.rows, params)
     total = map_estimate.compute_total_sd(params, noise, about)
     rho = cauchy().value
-    old, new = (
-        rho((seen.residual / seen.sd) ** 2),
-        rho((map_estimate.residuals_at(rows, about) / total) ** 2),
-    )
-    away, _ = map_estimate.GaussianPrior(opening.prior)(about[1 : len(opening.prior.diagonal)])
+    left, _ = map_estimate.linearise(rows, about)
+    old, new = rho((seen.residual / seen.sd) ** 2), rho((left / total) ** 2)
+    away, _ = map_estimate.make_gaussian(opening.prior)(about[1 : len(opening.prior.diagonal)])
     cost = np.concatenate([[0.0], np.cumsum(old - new)])[:-1]
     cost += float(new.sum() + away @ away / 2)
     here = float(cost[len(rows) - len(opening.rows)])
     return here, int(np.flatnonzero(cost < cost.min() + DOUBT)[-1])
-
-
-def _has_walked(estimate: states.FilterState, rows: Array, params: TrackerParams) -> bool:
-    """Whether the bias walked further during these rows than it is unknown."""
-    variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
-    return bool(variance > np.trace(estimate.covariance[1:4, 1:4]))
 
 
 def _measure_jump(state: TrackerState, before: states.FilterState | None) -> tuple[Jump, ...]:
