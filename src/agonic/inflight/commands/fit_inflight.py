@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
 from agonic.console import options
 from agonic.console.parse import parse_count, parse_numbers
 from agonic.console.sensors import open_sensor
-
-if TYPE_CHECKING:
-    from agonic.inflight.fit import InflightFit
-
 
 MOST_ROWS = 2_000_000
 """Rows of a Parquet table from which it is read piece by piece."""
@@ -70,12 +66,13 @@ def inflight(
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, is_folder
     from agonic.console.place import find_reference, find_scalar_reference, set_track
+    from agonic.console.progress import counting
     from agonic.errors import AgonicError
     from agonic.field.decimal_year import parse_date
     from agonic.files.calibration import load
-    from agonic.inflight.fit import fit_inflight
+    from agonic.inflight.fit import fit_inflight, fit_mission
     from agonic.inflight.report.document import describe_inflight
-    from agonic.logs.large.mission import is_long
+    from agonic.logs.large.mission import is_long, open_mission
 
     if report is None and out is not None and not is_folder(out):
         report = out.with_suffix(".html")
@@ -83,9 +80,8 @@ def inflight(
         kept = " and ".join(str(file) for file in (out, report) if file is not None)
         said = f"{kept} will be written" if kept else "-o FOLDER keeps the result; it is shown only"
         print(f"agonic: {said}", file=sys.stderr)
-    interval = None
-    if latitudes is not None:
-        interval = parse_numbers("--latitudes", latitudes, "LOW,HIGH in degrees")
+    low_high = "LOW,HIGH in degrees"
+    interval = None if latitudes is None else parse_numbers("--latitudes", latitudes, low_high)
     settings: dict[str, Any] = {
         "ground": None if ground is None else require_calibration(load(ground)),
         "solve": solve,
@@ -101,7 +97,11 @@ def inflight(
         unfit = [name for name in _IN_MEMORY if name in options.list_typed_options(context)]
         if unfit:
             raise AgonicError(f"a mission is read piece by piece, without {', '.join(unfit)}")
-        fit, samples = _mission(logs, which, date, scalar, settings), None
+        mission, samples = open_mission(logs, sensor=which.sensor, unit=which.unit, date=date), None
+        if scalar is None:
+            scalar = next(mission.pieces()).scalar is not None
+        with counting(mission.rows) as progress:
+            fit = fit_mission(mission, scalar=scalar, progress=progress, **settings)
     else:
         more: dict[str, Any] = {"attitude": attitude, "residual_limit": within}
         samples = open_sensor(logs[0], *which, between)
@@ -113,22 +113,3 @@ def inflight(
         fit = fit_inflight(samples, reference, **settings, **more)
     document = describe_inflight(fit, samples, title=logs[0].name)
     return finish(document, out=out, report=report, as_json=as_json)
-
-
-def _mission(
-    logs: list[Path],
-    which: options.SensorChoice,
-    date: str | None,
-    scalar: bool | None,
-    settings: dict[str, Any],
-) -> InflightFit:
-    """The fit of a record that is read piece by piece."""
-    from agonic.console.progress import counting
-    from agonic.inflight.fit import fit_mission
-    from agonic.logs.large.mission import open_mission
-
-    mission = open_mission(logs, sensor=which.sensor, unit=which.unit, date=date)
-    if scalar is None:
-        scalar = next(mission.pieces()).scalar is not None
-    with counting(mission.rows) as progress:
-        return fit_mission(mission, scalar=scalar, progress=progress, **settings)

@@ -48,12 +48,12 @@ class Estimate(NamedTuple):
 
 
 def compute_mean_correlation(noise: dict[str, Noise]) -> float:
-    """One length for all kinds, so that they are weighted by their noise alone: how long errors
-    last is known too poorly to choose between kinds, but each has its own in the covariance."""
+    """One length for all kinds, so that they are weighted by their noise alone: it is known too
+    poorly to choose between kinds."""
     return float(np.mean([of.correlation for of in noise.values()]))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Clock:
     """Stretches of `step_s` from `start`."""
 
@@ -65,7 +65,7 @@ class Clock:
     def of(cls, start: float, stop: float, step_s: float) -> Clock:
         """At most `STRETCHES` of at least `step_s`."""
         step = max((stop - start) / correlated_errors.STRETCHES, step_s)
-        return cls(start=start, step_s=step, count=int((stop - start) / step) + 2)
+        return cls(start, step, int((stop - start) / step) + 2)
 
     def stretch(self, time: Array) -> Index:
         """The number of the stretch of each time."""
@@ -82,11 +82,8 @@ def compute_covariance(
     assumed: Sequence[correlated_errors.CorrelatedError] = (),
 ) -> Estimate:
     """The estimate with its covariance at the minimum, by one more pass a kind, and of each kind
-    how many readings count as one, and the correlated errors.
-
-    Parameters: `information` (m, m) the prior's; `earth_fixed`, whether rows know the direction of
-    the field in Earth-fixed axes; `assumed`, errors of the magnitude that its residuals need not
-    show.
+    how many readings count as one, and the correlated errors; `assumed` are errors of the magnitude
+    that its residuals need not show, `information` (m, m) the prior's.
 
     With ν how many readings counted as one when the data were weighed against the prior (the
     effective sample size is n over it), D_c the curvature of kind c, S_c = Σ (w r)² JJᵀ/σ⁴ the
@@ -112,7 +109,14 @@ def compute_covariance(
         errors[kind] = correlated_errors.find_correlated_errors(
             sums, of.sd**2, clock.step_s, () if kind == "magnitude" else (TURN,)
         )
-        scattering = [*_share_turns(errors[kind], kind), *(assumed if kind == "magnitude" else ())]
+        scattering = [*errors[kind], *(assumed if kind == "magnitude" else ())]
+        if kind != "magnitude":
+            # a turn of the attitude is one and the same in azimuth and dip: the scatter of a sum of
+            # two is at most twice that of each added up, and that where they see the turn alike
+            scattering = [
+                one._replace(variance=one.variance * (2.0 if one.geometry == TURN else 1.0))
+                for one in scattering
+            ]
         scatter = correlated_errors.compute_scatter(sums, scattering, clock.step_s)
         extra[kind] = back.T @ scatter @ back / of.sd**4
     inverse = leastsq.inverse(bread)
@@ -129,18 +133,6 @@ def compute_covariance(
         noise={kind: of._replace(correlation=correlation[kind]) for kind, of in noise.items()},
         errors=errors,
     )
-
-
-def _share_turns(
-    errors: Sequence[correlated_errors.CorrelatedError], kind: str
-) -> list[correlated_errors.CorrelatedError]:
-    """The errors as they scatter both kinds across the field together.
-
-    A turn of the attitude is one and the same in azimuth and dip. The scatter of a sum of two is at
-    most twice that of each alone added up, and just that where they see the turn alike.
-    """
-    shared = {TURN: 2.0} if kind != "magnitude" else {}
-    return [one._replace(variance=one.variance * shared.get(one.geometry, 1.0)) for one in errors]
 
 
 def _sum_stretches(

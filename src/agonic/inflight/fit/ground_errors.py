@@ -15,6 +15,7 @@ from agonic.calibration.steps import steps_of
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation import polynomial
 from agonic.maths.equation.affine import model_basis
+from agonic.maths.equation.symmetric import pack_symmetric
 from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.vectors import skew
 from agonic.samples import Samples
@@ -81,7 +82,12 @@ def compute_ground_covariance(ground: Calibration, temperatures_C: Array) -> Arr
     t = len(temperatures_C)
     whole = np.zeros((12 * t, 12 * t))
     for step in steps_of(ground):
-        matrices = [_find_matrix(step, float(one)) for one in temperatures_C]
+        if isinstance(step, Thermal):
+            matrices = [step.at(float(one)).matrix for one in temperatures_C]
+        else:
+            turn = getattr(step, "rotation", None)
+            plain = np.eye(3) if turn is None else turn.as_matrix()
+            matrices = [getattr(step, "matrix", plain)] * t
         carried = block_diag(*(block_diag(np.kron(w, np.linalg.inv(w).T), w) for w in matrices))
         whole = carried @ whole @ carried.T
         if contains_ground(step):
@@ -91,15 +97,6 @@ def compute_ground_covariance(ground: Calibration, temperatures_C: Array) -> Arr
             whole += own @ step.covariance[: own.shape[1], : own.shape[1]] @ own.T
     onto = np.kron(np.eye(t), SHAPE)
     return np.asarray(onto @ whole @ onto.T)
-
-
-def _find_matrix(step: Calibration, temperature_C: float) -> Array:
-    """What a step multiplies readings by at a temperature."""
-    held = step.at(temperature_C) if isinstance(step, Thermal) else step
-    if isinstance(held, Affine):
-        return held.matrix
-    rotation = getattr(held, "rotation", None)
-    return np.eye(3) if rotation is None else np.asarray(rotation.as_matrix())
 
 
 def _differentiate(step: Affine | Thermal, temperatures_C: Array, matrices: list[Array]) -> Array:
@@ -116,16 +113,14 @@ def _differentiate(step: Affine | Thermal, temperatures_C: Array, matrices: list
     return np.vstack(rows)
 
 
-def _split_shape() -> Array:
-    """From nine entries and e to xx yy zz xy xz yz of the symmetric part, the turn, and e."""
-    onto = np.zeros((12, 12))
-    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-        onto[k, 3 * i + j] += 0.5
-        onto[k, 3 * j + i] += 0.5
-    onto[6:9, :9] = skew(np.eye(3)).reshape(3, 9) / 2
-    onto[9:, 9:] = np.eye(3)
-    return onto
-
-
-SHAPE = _split_shape()
-"""The same for all."""
+_ENTRIES = np.eye(9).reshape(9, 3, 3)
+SHAPE = block_diag(
+    np.vstack(
+        [
+            pack_symmetric((_ENTRIES + _ENTRIES.swapaxes(1, 2)) / 2).T,
+            skew(np.eye(3)).reshape(3, 9) / 2,
+        ]
+    ),
+    np.eye(3),
+)
+"""From nine entries and e to xx yy zz xy xz yz of the symmetric part, the turn, and e, (12, 12)."""

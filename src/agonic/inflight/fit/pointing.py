@@ -30,7 +30,21 @@ def expect_direction(
             "a fit with the attitude needs the field's components north, east, down: positions and "
             "a date, or Reference.vector(…, frame='n')"
         )
-    nb = local_vertical_nb(samples) if attitude == "nadir" else _logged(samples)
+    if attitude == "nadir":
+        nb = local_vertical_nb(samples)
+    elif samples.heading_estimated:
+        raise LogError(
+            f"{samples.name}: the heading is a filter's estimate that follows the magnetometer; "
+            "it cannot be the reference"
+        )
+    else:
+        angles = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
+        if any(angle is None for angle in angles):
+            raise LogError(
+                f"{samples.name}: the log holds no attitude (roll_deg, pitch_deg, heading_deg); "
+                'fit the magnitude alone, or attitude="nadir" where one side keeps to the Earth'
+            )
+        nb = rot_nb(*angles)  # type: ignore[arg-type]
     field_n = np.broadcast_to(reference.values, (len(samples), 3))
     aim_n = field_n / np.linalg.norm(field_n, axis=1)[:, None]
     level = np.maximum(np.hypot(aim_n[:, 0], aim_n[:, 1]), 1e-12)
@@ -38,21 +52,6 @@ def expect_direction(
     return ExpectedDirection(
         aim=np.einsum("nji,nj->ni", nb, aim_n), side=np.einsum("nji,nj->ni", nb, side_n)
     )
-
-
-def _logged(samples: Samples) -> Array:
-    angles = (samples.roll_deg, samples.pitch_deg, samples.heading_deg)
-    if samples.heading_estimated:
-        raise LogError(
-            f"{samples.name}: the heading is a filter's estimate that follows the magnetometer; "
-            "it cannot be the reference"
-        )
-    if any(angle is None for angle in angles):
-        raise LogError(
-            f"{samples.name}: the log holds no attitude (roll_deg, pitch_deg, heading_deg); fit "
-            'the magnitude alone, or attitude="nadir" where one side keeps to the Earth'
-        )
-    return rot_nb(*angles)  # type: ignore[arg-type]
 
 
 def local_vertical_nb(samples: Samples) -> Array:
@@ -128,9 +127,8 @@ def _position_i(samples: Samples) -> tuple[Array, Array, Array, Array] | None:
 def _track(samples: Samples) -> tuple[Array, Array, Array, Array] | None:
     """Latitude, longitude, altitude and Unix time, s; None where one of them is missing."""
     latitude, longitude, altitude = samples.latitude_deg, samples.longitude_deg, samples.altitude_m
-    if samples.time is None or samples.epoch is None:
+    time, epoch = samples.time, samples.epoch
+    if latitude is None or longitude is None or altitude is None or time is None or epoch is None:
         return None
-    if latitude is None or longitude is None or altitude is None:
-        return None
-    epoch = samples.epoch if samples.epoch.tzinfo else samples.epoch.replace(tzinfo=UTC)
-    return latitude, longitude, altitude, samples.time + epoch.timestamp()
+    epoch = epoch if epoch.tzinfo else epoch.replace(tzinfo=UTC)
+    return latitude, longitude, altitude, time + epoch.timestamp()

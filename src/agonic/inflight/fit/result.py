@@ -146,6 +146,11 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
     magnitude = channels["magnitude"]
     variance, lasting_s = join_errors(estimate.errors.get("magnitude", ()))
     size = magnitude.noise / estimate.noise["magnitude"].sd
+    off = None
+    if problem.direction is not None:  # both in the axes of the turned sensor
+        aim = problem.direction.aim @ problem.rotation
+        across = np.linalg.norm(np.cross(field, aim), axis=1)
+        off = np.degrees(np.arctan2(across, (field * aim).sum(axis=1)))
     return InflightFit(
         calibration=saved.build_calibration(problem, estimate, change, samples),
         change=change,
@@ -166,7 +171,7 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         weights=weights,
         channels=channels,
         alignment=saved.build_alignment(problem, estimate, change),
-        direction_error_deg=_direction_error_deg(problem, field),
+        direction_error_deg=off,
         source_names=estimate.terms.sources,
         sources=sources,
         sources_sd=sources_sd,
@@ -197,12 +202,3 @@ def _build_channels(problem: Problem, estimate: Estimate) -> dict[str, Channel]:
             correlation=noise.correlation,
         )
     return channels
-
-
-def _direction_error_deg(problem: Problem, field: Array) -> Array | None:
-    """Angles between field and reference, both in the axes of the turned sensor."""
-    if problem.direction is None:
-        return None
-    aim = problem.direction.aim @ problem.rotation
-    across = np.linalg.norm(np.cross(field, aim), axis=1)
-    return np.asarray(np.degrees(np.arctan2(across, (field * aim).sum(axis=1))))

@@ -42,17 +42,11 @@ def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[s
     return found
 
 
-def _is_settled(before: dict[str, float], now: dict[str, float]) -> bool:
-    """Whether residuals are over what they were taken to be over, √(1 + κ²), to two per cent; an
-    attitude whose errors do not show has κ = 0."""
-    least = {kind: 0.0 if kind == "magnitude" else 1.0 for kind in now}
-    ratios = [np.hypot(least[k], now[k]) / np.hypot(least[k], before[k]) for k in now]
-    return bool(np.abs(np.array(ratios) - 1).max() < 0.02)
-
-
-def _rescale_noise(noise: Noise, before: float, now: float) -> Noise:
-    """The noise of residuals across the field that are now over another √(1 + κ²)."""
-    return noise._replace(sd=noise.sd * float(np.sqrt((1 + before**2) / (1 + now**2))))
+def _divide(kind: str, before: dict[str, float], now: dict[str, float]) -> float:
+    """What residuals of a kind are over with the spreads `now`, σ or √(1 + κ²), over what they were
+    over before; an attitude whose errors do not show has κ = 0."""
+    least = 0.0 if kind == "magnitude" else 1.0
+    return float(np.hypot(least, now[kind]) / np.hypot(least, before[kind]))
 
 
 FEWEST_STRETCHES = 120
@@ -112,22 +106,13 @@ def add_covariance(
         return estimate
     prior = build_prior(problem, estimate.terms, estimate.layout)
     _, jacobian = prior(estimate.solution.params)
+    earth_fixed, assumed = problem.direction_e is not None, list[CorrelatedError]()
+    if earth_fixed and estimate.terms.splines and not alternative:
+        # what the world model lacks for hours, and a spline of the bias takes up unseen
+        variance = (EXTERNAL_NT / problem.magnitude) ** 2
+        assumed = [CorrelatedError(variance, EXTERNAL_S, covariance.OF_EARTH)]
     return covariance.compute_covariance(
-        source,
-        estimate,
-        jacobian.T @ jacobian,
-        clock,
-        earth_fixed=problem.direction_e is not None,
-        assumed=() if alternative else _assume_errors(problem, estimate),
-    )
-
-
-def _assume_errors(problem: Problem, estimate: covariance.Estimate) -> tuple[CorrelatedError, ...]:
-    """What the world model lacks for hours, where a spline of the bias takes it up unseen."""
-    if problem.direction_e is None or not estimate.terms.splines:
-        return ()
-    return (
-        CorrelatedError((EXTERNAL_NT / problem.magnitude) ** 2, EXTERNAL_S, covariance.OF_EARTH),
+        source, estimate, jacobian.T @ jacobian, clock, earth_fixed=earth_fixed, assumed=assumed
     )
 
 
@@ -135,13 +120,10 @@ def find_start(problem: Problem) -> Array:
     """Bias and matrix, nine numbers, to start from."""
     if problem.ground is not None:
         return residuals.Layout(SYMMETRIC, 0, 0).start
-    rows = np.flatnonzero(problem.used)
+    rows, asked = np.flatnonzero(problem.used), problem.settings
     if len(rows) > _ENOUGH:
-        chosen = np.random.default_rng(problem.settings.seed).choice(
-            len(rows), _ENOUGH, replace=False
-        )
-        rows = rows[np.sort(chosen)]
-    asked = problem.settings
+        rng = np.random.default_rng(asked.seed)
+        rows = np.sort(rng.choice(rows, _ENOUGH, replace=False))
     points = problem.samples.field[rows] / problem.magnitude
     known = Known(points, problem.wanted[rows], "full", asked.soft_iron_sd)
     found = maximum_likelihood.estimate(known, robust=asked.robust, seed=asked.seed)
@@ -156,31 +138,20 @@ def fit_rows(
     terms = problem.terms(intervals)
     gauge = SYMMETRIC if problem.direction is None else FREE
     layout = residuals.Layout(gauge, terms.bias_count, terms.matrix_degree + terms.rate)
-    start = (
-        _carry(first, layout) if isinstance(first, covariance.Estimate) else _start(first, layout)
-    )
-    return refine(problem, problem.rows(terms).select(used), layout, terms, start)
-
-
-def _start(nine: Array, layout: residuals.Layout) -> Array:
-    """Parameters of a layout from bias and symmetric matrix, terms at zero."""
     params = layout.start
+    if isinstance(first, covariance.Estimate):  # bias, the symmetric part of M = R S, its terms
+        old, found = first.layout, first.solution.params
+        bias, matrix = split(model_basis("full", old.gauge) @ found[: old.constants])
+        nine = np.concatenate([bias, pack_symmetric(polar(matrix)[1])])
+        layout.biases(params)[:, : old.bias_terms] = old.biases(found)
+        if layout.matrix_terms:
+            params[-6 * layout.matrix_terms :] = found[-6 * layout.matrix_terms :]
+    else:
+        nine = first
     params[:9] = nine[:9]
     if layout.gauge == FREE:
         params[9:12] = nine[6:9]
-    return params
-
-
-def _carry(before: covariance.Estimate, layout: residuals.Layout) -> Array:
-    """Parameters of a layout from an estimate's: bias, the symmetric part of M = R S, its terms."""
-    old, found = before.layout, before.solution.params
-    bias, matrix = split(model_basis("full", old.gauge) @ found[: old.constants])
-    nine = np.concatenate([bias, pack_symmetric(polar(matrix)[1])])
-    params = _start(nine, layout)
-    layout.biases(params)[:, : old.bias_terms] = old.biases(found)
-    if layout.matrix_terms:
-        params[-6 * layout.matrix_terms :] = found[-6 * layout.matrix_terms :]
-    return params
+    return refine(problem, problem.rows(terms).select(used), layout, terms, params)
 
 
 def refine(
@@ -200,7 +171,8 @@ def refine(
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         before, sds = sds, compute_spreads(noise, sds)
         for kind in kinds[1:]:
-            noise[kind] = _rescale_noise(noise[kind], before[kind], sds[kind])
+            sd = noise[kind].sd / _divide(kind, before, sds)
+            noise[kind] = noise[kind]._replace(sd=sd)
         correlation = covariance.compute_mean_correlation(noise)
         channels = [
             leastsq.Channel(
@@ -217,7 +189,8 @@ def refine(
         parts = np.split(solution.residuals, len(noise))
         seen = dict(zip(noise, parts, strict=True))
         again = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
-        if _is_settled(sds, compute_spreads(again, sds)):
+        now = compute_spreads(again, sds)
+        if all(abs(_divide(kind, sds, now) - 1) < 0.02 for kind in kinds):
             break
     return covariance.Estimate(solution, layout, terms, noise, sds, seen, {}, {})
 

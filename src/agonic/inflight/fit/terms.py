@@ -126,17 +126,10 @@ class Terms:
     def of_bias(self, samples: Samples) -> Array:
         """The terms of the bias of each row, (n, k)."""
         assert samples.time is not None
-        parts = [
-            evaluate_spline(samples.time, self.knots) - self.middle,
-            self._powers(samples, self.degree),
-        ]
+        spline = evaluate_spline(samples.time, self.knots) - self.middle
+        parts = [spline, self._powers(samples, self.degree)]
         if self.sources:
-            parts.append(
-                stack_inputs(
-                    self.sources, None, restore(samples.columns(), find_timing(self.sources))
-                )
-                / self.spread
-            )
+            parts.append(_stack_sources(samples, self.sources) / self.spread)
         return np.concatenate(parts, axis=1)
 
     def of_matrix(self, samples: Samples) -> Array:
@@ -167,7 +160,11 @@ def build_terms(
     assert samples.time is not None
     start, stop = float(samples.time[0]), float(samples.time[-1])
     knots = place_knots(start, stop, intervals)
-    low, high = _range(samples, degree)
+    low, high = 0.0, 0.0
+    if samples.temperature is not None:
+        low, high = float(samples.temperature.min()), float(samples.temperature.max())
+    elif degree:
+        raise LogError("terms in temperature were asked for and the log has no temperature")
     return Terms(
         start=start,
         stop=stop,
@@ -183,13 +180,9 @@ def build_terms(
     )
 
 
-def _range(samples: Samples, degree: int) -> tuple[float, float]:
-    """Between which temperatures the record lies."""
-    if samples.temperature is None:
-        if degree:
-            raise LogError("terms in temperature were asked for and the log has no temperature")
-        return 0.0, 0.0
-    return float(samples.temperature.min()), float(samples.temperature.max())
+def _stack_sources(samples: Samples, sources: tuple[str, ...]) -> Array:
+    """What the sources measure, (n, k), delays and time constants undone."""
+    return stack_inputs(sources, None, restore(samples.columns(), find_timing(sources)))
 
 
 def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
@@ -202,7 +195,7 @@ def _spread(samples: Samples, sources: tuple[str, ...]) -> Array:
             f"{samples.name}: the log holds no {', '.join(missing)}; a fit with it needs it "
             "recorded beside the readings"
         )
-    values = stack_inputs(sources, None, restore(samples.columns(), find_timing(sources)))
+    values = _stack_sources(samples, sources)
     spread = np.asarray(values.std(axis=0))
     still = [
         name

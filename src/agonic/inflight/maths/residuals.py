@@ -129,7 +129,8 @@ def correct(rows: Rows, params: Array, layout: Layout) -> Array:
     d = rows.points - rows.bias_terms @ layout.biases(params).T - bias
     if not layout.matrix_terms:
         return np.asarray(d @ matrix.T)
-    return np.asarray(np.einsum("nij,nj->ni", _matrices(rows, params, layout, matrix), d))
+    each = matrix + np.tensordot(rows.matrix_terms, layout.matrices(params), axes=1)
+    return np.asarray(np.einsum("nij,nj->ni", each, d))
 
 
 def cut(rows: Rows, layout: Layout) -> Iterator[Block]:
@@ -173,10 +174,8 @@ def find_residuals(rows: Rows, kind: str, params: Array, layout: Layout, sd: flo
 def compute_residuals(
     rows: Rows, kind: str, params: Array, layout: Layout, sd: float = 0.0
 ) -> tuple[Array, Array]:
-    """Residuals (n,) of one kind and their Jacobian (n, m).
-
-    Parameters: `sd`, for the magnitude the noise of the readings (see `magnitude_residual`); for
-    the others κ, errors of the attitude, rad, over the noise of the readings: then
+    """Residuals (n,) of one kind and their Jacobian (n, m); `sd` is the noise of the readings (see
+    `magnitude_residual`), across the field κ, errors of the attitude, rad, over it: then
 
         r = u·e / √(|Mᵀe|² + κ²F²)
 
@@ -200,7 +199,7 @@ def _linearise(
         bias = bias + biases[:, ~moving] @ rows.bias_terms[0, ~moving]
         raw = raw - block.terms @ biases[:, moving].T
     if layout.matrix_terms:
-        matrix = _matrices(rows, params, layout, matrix)
+        matrix = matrix + np.tensordot(rows.matrix_terms, layout.matrices(params), axes=1)
     if kind != "magnitude":
         spread = np.square(sd * rows.wanted)
         r, by_local = _across_residual(raw - bias, matrix, _across(rows, kind), spread)
@@ -227,10 +226,6 @@ def _across(rows: Rows, kind: str) -> Array:
     assert rows.aim is not None
     assert rows.side is not None
     return rows.side if kind == "azimuth" else np.cross(rows.aim, rows.side)
-
-
-def _matrices(rows: Rows, params: Array, layout: Layout, matrix: Array) -> Array:
-    return np.asarray(matrix + np.tensordot(rows.matrix_terms, layout.matrices(params), axes=1))
 
 
 def _across_residual(d: Array, matrix: Array, e: Array, spread: Array) -> tuple[Array, Array]:

@@ -99,17 +99,11 @@ def draw_external_n(
     across = np.cross(DIPOLE_E, [0.0, 0.0, 1.0])
     across /= np.linalg.norm(across)
     axes_e = np.stack([DIPOLE_E, across, np.cross(DIPOLE_E, across)])
-    sizes = sd * np.array([1.0, ACROSS, ACROSS])
-    vectors_e = gauss_markov(rng, time, correlation_s) * sizes @ axes_e
-    return way.in_n(vectors_e.T).T
-
-
-def gauss_markov(rng: np.random.Generator, time: Array, correlation_s: float) -> Array:
-    """Three noises (n, 3) of unit variance with e(t + Δ) = e(t) exp(−Δ/τ) + white noise."""
     kept = np.exp(-_interval(time) / correlation_s)
     white = rng.standard_normal((len(time), 3))
     white[1:] *= np.sqrt(1 - kept**2)
-    return autoregress(white, kept)
+    vectors_e = autoregress(white, kept) * sd * np.array([1.0, ACROSS, ACROSS]) @ axes_e
+    return way.in_n(vectors_e.T).T
 
 
 def follow_temperature(

@@ -77,32 +77,17 @@ def compute_state_i(orbit: Orbit, time: Array) -> tuple[Array, Array]:
     slow = 0.75 * OBLATENESS * rate * (SEMI_MAJOR_M / (a * (1 - e**2))) ** 2
     node = np.radians(orbit.node_deg) - 2 * slow * np.cos(tilt) * time
     perigee = np.radians(orbit.perigee_deg) + slow * (5 * np.cos(tilt) ** 2 - 1) * time
-    anomaly = _eccentric(np.radians(orbit.anomaly_deg) + rate * time, e)
+    mean = np.radians(orbit.anomaly_deg) + rate * time
+    anomaly = mean
+    for _ in range(_NEWTON_STEPS if e > 0 else 0):  # M = E − e sin E
+        anomaly = anomaly - (anomaly - e * np.sin(anomaly) - mean) / (1 - e * np.cos(anomaly))
     flat = np.sqrt(1 - e**2)
     swift = a * rate / (1 - e * np.cos(anomaly))
     along = np.stack([a * (np.cos(anomaly) - e), a * flat * np.sin(anomaly)])
     speed = np.stack([-swift * np.sin(anomaly), swift * flat * np.cos(anomaly)])
-    first, second = _plane(node, perigee, tilt)
-    return first * along[0] + second * along[1], first * speed[0] + second * speed[1]
-
-
-def _eccentric(mean: Array, e: float) -> Array:
-    """E of M = E − e sin E, by Newton's steps."""
-    anomaly = mean + e * np.sin(mean)
-    for _ in range(_NEWTON_STEPS if e > 0 else 0):
-        anomaly = anomaly - (anomaly - e * np.sin(anomaly) - mean) / (1 - e * np.cos(anomaly))
-    return anomaly
-
-
-def _plane(node: Array, perigee: Array, tilt: float) -> tuple[Array, Array]:
-    """The unit vectors (3, n) towards the perigee and a quarter turn after it."""
     to_node = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)])
-    rising = np.stack(
-        [
-            -np.sin(node) * np.cos(tilt),
-            np.cos(node) * np.cos(tilt),
-            np.full(node.shape, np.sin(tilt)),
-        ]
-    )
+    flat_rise = np.stack([-np.sin(node), np.cos(node), np.zeros_like(node)])
+    rising = np.cos(tilt) * flat_rise + np.array([[0.0], [0.0], [np.sin(tilt)]])
     cosine, sine = np.cos(perigee), np.sin(perigee)
-    return cosine * to_node + sine * rising, cosine * rising - sine * to_node
+    first, second = cosine * to_node + sine * rising, cosine * rising - sine * to_node
+    return first * along[0] + second * along[1], first * speed[0] + second * speed[1]

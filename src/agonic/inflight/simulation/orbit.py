@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -186,7 +187,8 @@ def simulate_orbit(
     rot_bm = Rotation.from_rotvec(np.radians(mounting_deg) * draw_directions(rngs.mounting, 1)[0])
     temperature = aboard.follow_temperature(way, time, equilibrium_C, settling_s)
     outside_n = aboard.draw_external_n(rngs.external, time, way, external, correlation_s)
-    field_n = _main_field(way, time, epoch) + outside_n
+    track = Samples(field=np.zeros((n, 3)), time=time, epoch=epoch).with_columns(**way.columns)
+    field_n = choose_model(float(decimal_year(epoch))).along(track).values + outside_n
 
     ground = _draw_ground(sensor, rngs.sensor, bias, thermal)
     shift = moved * draw_directions(rngs.moved, 1)[0]
@@ -213,7 +215,11 @@ def simulate_orbit(
         disturbers=dict(zip(DIPOLES, dipole.T, strict=True)) if told else {},
         notes=("simulated",),
     )
-    aside = {**way.columns, **_record_attitude(rngs.star, rot_nb, attitude_sd_deg)}
+    aside = dict(way.columns)
+    if attitude_sd_deg is not None:  # as a star camera gives it
+        turns = np.radians(attitude_sd_deg) * rngs.star.standard_normal((n, 3))
+        angles = angles_deg((rot_nb * Rotation.from_rotvec(turns)).as_matrix())
+        aside |= dict(zip(("roll_deg", "pitch_deg", "heading_deg"), angles, strict=True))
     return SimulatedOrbit(
         samples=samples.with_columns(**aside),
         ground=ground,
@@ -228,32 +234,26 @@ def simulate_orbit(
     )
 
 
-class _Generators(NamedTuple):
-    """A source of chance for each thing, so that one setting does not change the others."""
+_NOT_BELOW = "a simulation needs zero or more"
 
-    attitude: np.random.Generator
-    mounting: np.random.Generator
-    external: np.random.Generator
-    sensor: np.random.Generator
-    moved: np.random.Generator
-    drift: np.random.Generator
-    torquer: np.random.Generator
-    noise: np.random.Generator
-    scalar: np.random.Generator
-    star: np.random.Generator
+
+_Generators = namedtuple(
+    "_Generators", "attitude mounting external sensor moved drift torquer noise scalar star"
+)
+"""A source of chance for each thing, so that one setting does not change the others."""
 
 
 def _check(facts: Mapping[str, Any]) -> None:
     check_choice("pointing", facts["pointing"], POINTINGS)
-    for name in ("n", "rate_Hz", "pace_s", "correlation_s", "settling_s"):
-        if not facts[name] > 0:
-            raise AgonicError(f"{name} is {facts[name]}; a simulation needs it above zero")
-    for name in ("noise", "step", "external", "torquer", "scalar_sd", "attitude_sd_deg"):
-        if facts[name] is not None and not facts[name] >= 0:
-            raise AgonicError(f"{name} is {facts[name]}; a simulation needs zero or more")
-    for name in ("jump_at", "torquer_share"):
-        if not 0 <= facts[name] <= 1:
-            raise AgonicError(f"{name} is {facts[name]}; it needs a share from 0 to 1")
+    for names, most, least in (
+        ("n rate_Hz pace_s correlation_s settling_s", np.inf, "a simulation needs it above zero"),
+        ("noise step external torquer scalar_sd attitude_sd_deg", np.inf, _NOT_BELOW),
+        ("jump_at torquer_share", 1.0, "it needs a share from 0 to 1"),
+    ):
+        for name in names.split():
+            value = 1.0 if facts[name] is None else facts[name]
+            if not 0 <= value <= most or (value == 0 and least.endswith("above zero")):
+                raise AgonicError(f"{name} is {facts[name]}; {least}")
 
 
 def _draw_ground(
@@ -285,21 +285,3 @@ def _simulate_readings(truth: Thermal, field_m: Array, temperature: Array) -> Ar
     """What the sensor reads of a field in its own axes: matrix⁻¹(T) @ field + bias(T)."""
     seen = np.linalg.solve(truth.matrix_at(temperature), field_m[:, :, None])[:, :, 0]
     return np.asarray(seen + truth.bias_at(temperature))
-
-
-def _main_field(way: aboard.Way, time: Array, epoch: datetime) -> Array:
-    """The world model along the way (n, 3), north-east-down, nT."""
-    track = Samples(field=np.zeros((len(time), 3)), time=time, epoch=epoch)
-    model = choose_model(float(decimal_year(epoch)))
-    return np.array(model.along(track.with_columns(**way.columns)).values)
-
-
-def _record_attitude(
-    rng: np.random.Generator, rot_nb: Rotation, sd_deg: float | None
-) -> dict[str, Array]:
-    """Roll, pitch and heading as a star camera gives them."""
-    if sd_deg is None:
-        return {}
-    errors = Rotation.from_rotvec(np.radians(sd_deg) * rng.standard_normal((len(rot_nb), 3)))
-    angles = angles_deg((rot_nb * errors).as_matrix())
-    return dict(zip(("roll_deg", "pitch_deg", "heading_deg"), angles, strict=True))

@@ -17,7 +17,7 @@ from agonic.calibration.tracking import Opening, Recent, TrackerParams, TrackerS
 from agonic.errors import AgonicError, UnitError
 from agonic.inflight.tracking import gyro
 from agonic.inflight.tracking import opening as openings
-from agonic.inflight.tracking.jump import keep_recent, reopen, settle_before_jump
+from agonic.inflight.tracking.jump import reopen, settle_before_jump
 from agonic.inflight.tracking.result import Coefficients
 from agonic.maths.estimation.filters import kalman, states
 from agonic.maths.rotations.polar import split_rotation
@@ -260,8 +260,12 @@ def _follow_up(
         opening = replace(opening, rows=np.concatenate([opening.rows, taken]), outliers=outliers)
         refused = 0  # they are counted when the opening is closed
     elif recent is not None:
-        recent = Recent(recent.before, recent.middle, np.concatenate([recent.rows, taken]))
-        recent = recent if jumped else keep_recent(recent, estimate)
+        rows, count = np.concatenate([recent.rows, taken]), len(recent.rows) + len(taken)
+        recent = Recent(recent.before, recent.middle, rows)
+        if not jumped and count == openings.STRIDE:
+            recent = Recent(recent.before, estimate, rows)
+        elif not jumped and count == 2 * openings.STRIDE:  # the first half is forgotten
+            recent = Recent(recent.middle, estimate, rows[openings.STRIDE :])
     after = state.moved(
         estimate=estimate,
         opening=opening,

@@ -120,7 +120,11 @@ def step(
     if not after.noise_known:
         opening = replace(opening, rows=np.concatenate([opening.rows, taken]))
         after = replace(after, opening=opening)
-    return (after if after.n % _LOOK else _look(after, params, opening, fast)), seen
+    if after.n % _LOOK or not (after.noise_known or len(opening.rows) >= OPENING):
+        return after, seen
+    if not after.noise_known:
+        after = _repeat(after, params, opening, fast)
+    return (replace(after, opening=None) if opening.learns else _release(after, opening)), seen
 
 
 def _find_model(state: TrackerState, params: TrackerParams) -> states.Model:
@@ -185,20 +189,17 @@ def _measure_jump(state: TrackerState) -> TrackerState:
     return replace(state, recent=None, jumps=(*state.jumps[:-1], last))
 
 
-def _look(state: TrackerState, params: TrackerParams, opening: Opening, fast: bool) -> TrackerState:
-    """The state with the noise that an opening shows, and closed where the bias has settled."""
-    if not state.noise_known:
-        if len(opening.rows) < OPENING:
-            return state
-        state = _repeat(state, params, opening, fast)
-    return replace(state, opening=None) if opening.learns else _release(state, opening)
-
-
 def _repeat(
     state: TrackerState, params: TrackerParams, opening: Opening, fast: bool
 ) -> TrackerState:
     """The first readings once more, with the noise that they show."""
-    noise = _find_noise(opening.rows, state)
+    rows = opening.rows
+    step_s = float(np.median(np.diff(rows[:, 0])))
+    gain = float(np.mean(state.estimate.matrix[:3]))
+    # noise that lasts from reading to reading shows in those that are some apart
+    apart = [n for n in _APART if n == 1 or n * step_s < _APART_S]
+    noise = max(_measure_noise(rows, state, n) for n in apart)
+    noise = max(noise, _FINEST * (state.magnitude or 1.0) / gain)
     prior = opening.prior if opening.learns else _fix_all_but_bias(opening.prior)
     model = _find_model(replace(state, noise=noise), params)._replace(jump_level=0.0)
     estimate, seen, _ = kalman.advance(prior, model, opening.rows, compiled=fast)
@@ -231,18 +232,6 @@ def _release(state: TrackerState, opening: Opening) -> TrackerState:
     state_now = np.concatenate([found.state[:6], opening.prior.state[6:]])
     begun = states.start_filter(state_now, covariance, found.time)
     return _keep_watch(replace(state, estimate=begun, opening=None), found)
-
-
-def _find_noise(rows: Array, state: TrackerState) -> float:
-    """The noise of a reading by what is left of each after an earlier one, turned.
-
-    Noise that lasts from reading to reading shows in those that are some apart.
-    """
-    step = float(np.median(np.diff(rows[:, 0])))
-    apart = [n for n in _APART if n == 1 or n * step < _APART_S]
-    gain = float(np.mean(state.estimate.matrix[:3]))
-    least = _FINEST * (state.magnitude or 1.0) / gain
-    return max(least, *(_measure_noise(rows, state, n) for n in apart))
 
 
 def _measure_noise(rows: Array, state: TrackerState, apart: int) -> float:

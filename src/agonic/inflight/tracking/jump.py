@@ -8,19 +8,9 @@ import numpy as np
 
 from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, TrackerState
 from agonic.inflight.tracking import opening as openings
-from agonic.inflight.tracking.opening import STRIDE
 from agonic.maths.estimation.filters import kalman, states
 
 _DATINGS = 8  # onsets of a jump that are tried; most searches end after four
-
-
-def keep_recent(recent: Recent, estimate: states.FilterState) -> Recent:
-    """The recent readings, the first half of them forgotten once there are two strides of them."""
-    if len(recent.rows) == STRIDE:
-        return recent._replace(middle=estimate)
-    if len(recent.rows) == 2 * STRIDE:
-        return Recent(before=recent.middle, middle=estimate, rows=recent.rows[STRIDE:])
-    return recent
 
 
 def settle_before_jump(state: TrackerState, params: TrackerParams, since: int) -> TrackerState:

@@ -72,7 +72,8 @@ class Tracker(Followed, Judged):
         those of the calibration, `AgonicError` where they are not later than what was seen, and
         without gyro and reference.
         """
-        magnitude = find_magnitudes(samples, reference)
+        known = 0.0 if reference is None else reference.magnitudes(len(samples))
+        magnitude = np.broadcast_to(known, len(samples))
         if self.state.n == 0:
             self.state = self._prepare(
                 samples, magnitude, 0.0 if reference is None else reference.sd
@@ -108,8 +109,8 @@ class Tracker(Followed, Judged):
                 )
             samples, magnitude = samples.select(usable), magnitude[usable]
             rate = None if rate is None else rate[usable]
-        known = self.state.ground or self.state.aboard  # readings as at its middle temperature
-        columns = {} if known is None else select_columns(known, samples)
+        first = self.state.ground or self.state.aboard  # readings as at its middle temperature
+        columns = {} if first is None else select_columns(first, samples)
         raw, time = self.state.at_middle(samples.field, **columns), self.seconds(samples)
         self.state, found = update(self.state, self.params, time, raw, magnitude, rate=rate)
         self.history = np.concatenate([self.history, found.history])
@@ -117,7 +118,7 @@ class Tracker(Followed, Judged):
 
     def seconds(self, samples: Samples) -> Array:
         """The times of samples as the tracker counts them, from its own epoch."""
-        return samples.seconds_since(self.state.epoch, known=self.state.n > 0)
+        return samples.seconds_since(self.state.epoch, known=self.n > 0)
 
     def _prepare(self, samples: Samples, magnitude: Array, stated: float) -> TrackerState:
         """Before the first reading: beside a gyro or not, and what the reference states."""
@@ -131,13 +132,9 @@ class Tracker(Followed, Judged):
         )
         base = begun.base
         if not self._given:
-            base = replace(
-                base,
-                sensor=samples.name,
-                device_id=samples.device_id,
-                frame_in=samples.frame,
-                frame_out=samples.frame,
-            )
+            frame = samples.frame
+            base = replace(base, sensor=samples.name, frame_in=frame, frame_out=frame)
+            base = replace(base, device_id=samples.device_id)
         return replace(
             begun,
             base=base,
@@ -219,10 +216,3 @@ def choose_gyro(samples: Samples, magnitude: Array, wanted: bool | None) -> tupl
     if len(samples) >= FEWEST and explains_change(samples):
         return True, ""
     return False, "the gyro explains less than half of how the readings change"
-
-
-def find_magnitudes(samples: Samples, reference: Reference | None) -> Array:
-    """The magnitude at each reading, (n,), nT; 0 where none is known."""
-    if reference is None:
-        return np.zeros(len(samples))
-    return np.broadcast_to(reference.magnitudes(len(samples)), len(samples))
