@@ -51,6 +51,8 @@ def track(
     """
     from agonic.atomic import write_atomically
     from agonic.console.output import print_json, say
+    from agonic.console.place import find_reference, find_scalar_reference
+    from agonic.field.place import describe_missing
     from agonic.inflight.report.document import describe_tracking
 
     settings = {
@@ -66,7 +68,13 @@ def track(
         samples = samples.select(samples.flagged == 0)
     turning = gyro is not False and samples.rotation_rate is not None
     beside_gyro = turning if resumed is None else resumed.state.turn is not None
-    reference = _reference(samples, place, scalar, needed=not beside_gyro)
+    recorded = None if place.field is not None else find_scalar_reference(samples, scalar)
+    reference = recorded or find_reference(samples, *place)[0]
+    if reference is None and not beside_gyro:
+        raise AgonicError(
+            f"the field at the readings is not known: {describe_missing(samples)}; give --at "
+            "LAT,LON[,ALT], --date or --field NT"
+        )
     tracker = resumed or _start_tracker(samples, reference, ground, settings)
     new = tracker.seconds(samples) > tracker.state.time
     found = None
@@ -96,9 +104,7 @@ def _resume(state: Path, ground: Path | None, settings: dict[str, Any]) -> Track
 
     tracker = Tracker.resume(state)
     asked = {name: value for name, value in settings.items() if value is not None}
-    walk = asked.pop("walk", AUTO)
-    if walk != AUTO:
-        asked["walk"] = _number(walk)
+    asked["walk"] = _parse_walk(asked.get("walk", AUTO), tracker.params.walk)
     other = [name for name, value in asked.items() if getattr(tracker.params, name) != value]
     if ground is not None:
         begun, base = start(load(ground), tracker.params).base, tracker.state.base  # type: ignore[arg-type]
@@ -115,25 +121,6 @@ def _resume(state: Path, ground: Path | None, settings: dict[str, Any]) -> Track
     return tracker
 
 
-def _reference(
-    samples: Samples, place: Place, scalar: bool | None, *, needed: bool
-) -> Reference | None:
-    """The magnitude of the field at each reading; beside a gyro `None` where it is not known."""
-    from agonic.console.place import find_reference, find_scalar_reference
-    from agonic.field.place import describe_missing
-
-    recorded = None if place.field is not None else find_scalar_reference(samples, scalar)
-    if recorded is not None:
-        return recorded
-    reference, _ = find_reference(samples, *place)
-    if reference is None and needed:
-        raise AgonicError(
-            f"the field at the readings is not known: {describe_missing(samples)}; give --at "
-            "LAT,LON[,ALT], --date or --field NT"
-        )
-    return reference
-
-
 def _start_tracker(
     samples: Samples, reference: Reference | None, ground: Path | None, settings: dict[str, Any]
 ) -> Tracker:
@@ -148,7 +135,7 @@ def _start_tracker(
     calibration = None if ground is None else cast(Any, load(ground))
     walk = settings["walk"] or "0"
     chosen = {name: value for name, value in settings.items() if value is not None}
-    params = TrackerParams(**{**chosen, "walk": _number(walk)})
+    params = TrackerParams(**{**chosen, "walk": _parse_walk(walk, 0.0)})
     if walk == AUTO:
         if reference is None:
             raise AgonicError("a walk is chosen by the magnitude; give it, or a number for --walk")
@@ -157,12 +144,9 @@ def _start_tracker(
     return Tracker(calibration, params)
 
 
-def _number(walk: str) -> float:
-    if walk == AUTO:
-        return 0.0
+def _parse_walk(walk: str, auto: float) -> float:
     try:
-        return float(walk)
+        return auto if walk == AUTO else float(walk)
     except ValueError:
-        raise AgonicError(
-            f"--walk {walk!r} is neither a number (nT per root second) nor auto"
-        ) from None
+        wanted = "neither a number (nT per root second) nor auto"
+        raise AgonicError(f"--walk {walk!r} is {wanted}") from None

@@ -21,9 +21,8 @@ from agonic.health import Finding, figure
 from agonic.inflight.fit.covariance import OF_SENSOR, Estimate
 from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
 from agonic.inflight.fit.problem import Problem
-from agonic.inflight.fit.solve import find_start, fit_rows, state_errors
+from agonic.inflight.fit.solve import fit_rows, state_errors
 from agonic.inflight.fit.terms import evaluate_spline, place_knots
-from agonic.maths.equation import polynomial
 from agonic.maths.estimation.leastsq import Solution, inverse
 from agonic.model.average import Group, Prior, average, choose, solve
 from agonic.model.terms.time import TIME
@@ -75,7 +74,8 @@ def _find_temperature(problem: Problem, estimate: Estimate) -> Array | None:
     celsius = problem.samples.temperature
     if celsius is None or estimate.terms.degree or not np.ptp(celsius) > 0:
         return None
-    return polynomial.powers((celsius - celsius.mean()) / np.ptp(celsius), 2)[:, 1:]
+    over_range = (celsius - celsius.mean()) / np.ptp(celsius)
+    return np.column_stack([over_range, (2 * over_range) ** 2])
 
 
 COURSES = (
@@ -140,15 +140,21 @@ def weigh_courses(problem: Problem, estimate: Estimate) -> Iterator[tuple[Course
     named = {f"course_{k}": values for k, values in enumerate(columns.T)}
     beside = problem.with_sources(named, problem.settings.sources)
     try:
-        fitted = fit_rows(beside, find_start(beside), used, estimate.terms.intervals)
+        fitted = fit_rows(beside, estimate, used, estimate.terms.intervals)
         other = state_errors(beside, fitted, alternative=True)
     except AgonicError:  # too few rows for so many terms
         return
-    columns, first = columns[used] / other.terms.spread[-len(named) :], -len(named)
+    columns, first, last = columns[used], -len(named), slice(-len(named), None)
+    sizes = np.ones(other.layout.parameters)  # of courses as they are, of a size of about one
+    sizes[other.layout.bias_columns(last)] = 1 / other.terms.spread[last]
+    solution = other.solution._replace(
+        params=other.solution.params * sizes,
+        covariance=other.solution.covariance * np.outer(sizes, sizes),
+    )
     parts = [slice(first, first := first + x.shape[1]) for x in known.values()]
     parts = [slice(part.start, part.stop or None) for part in parts]
     own = [other.layout.bias_columns(part).ravel() for part in parts]
-    gram, _, prior, groups = _arrange(other.solution, own, LIKELY)
+    gram, _, prior, groups = _arrange(solution, own, LIKELY)
     there, _ = choose(gram, prior, groups, {})
     for i, (course, part, group) in enumerate(zip(known, parts, groups, strict=True)):
         term = average(gram, solve(gram, prior, groups, there, i), group)

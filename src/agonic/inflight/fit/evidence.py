@@ -55,12 +55,20 @@ def examine(
     """The fit with findings, refusals first, and remarks; `allowed` is said of what the standard
     errors were grown by.
     """
-    gain = find_other_gain(fit, problem)
-    by_gains = abs(gain - 1) >= max(HEIGHTS, LEAST)
+    off = abs(find_other_gain(fit, problem) - 1)
+    by_gains, gains = off >= HEIGHTS, list[Finding]()
+    if off >= LEAST:
+        what = (
+            f"gains that are {figure(100 * off)} % off those of the ground explain the record as "
+            f"well as the {fit.drift.intervals} intervals of the bias do"
+        )
+        move = "check units and the magnitude that the ground calibration was made for, and "
+        move += 'heights; solve for the matrix too (solve="full", --solve full)'
+        gains = [Finding("gains changed", "check", what, move)]
     found = [
         *(f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")),
         *_reference(fit, problem, samples),
-        *_judge_gains(fit, gain),
+        *gains,
         *(() if by_gains else likely_causes.judge_ground_axes(fit, problem, samples)),
         *(() if by_gains else _judge_course(fit, problem, samples)),
         *allowed,
@@ -147,19 +155,6 @@ def find_other_gain(fit: InflightFit, problem: Problem) -> float:
     if fit.n / fit.correlation * np.log(left / fit.noise) > saved:
         return 1.0
     return float(np.mean(constant.solution.params[3:6]))
-
-
-def _judge_gains(fit: InflightFit, gain: float) -> Iterator[Finding]:
-    """That the gains are other than on the ground, by how much."""
-    if abs(gain - 1) >= LEAST:
-        yield Finding(
-            "gains changed",
-            "check",
-            f"gains that are {figure(100 * abs(gain - 1))} % off those of the ground explain the "
-            f"record as well as the {fit.drift.intervals} intervals of the bias do",
-            "check units and the magnitude that the ground calibration was made for, and heights; "
-            'solve for the matrix too (solve="full", --solve full)',
-        )
 
 
 def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:

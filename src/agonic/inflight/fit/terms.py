@@ -48,11 +48,8 @@ class Drift:
         within = np.clip(time, self.start, self.stop)
         terms = evaluate_spline(within, self.knots) - self.middle
         bias = self.constant + terms @ self.coefficients.T
-        jacobian = np.zeros((len(time), 3, len(self.covariance)))
-        jacobian[:, :, :3] = np.eye(3)
-        k = terms.shape[1]
-        for axis in range(3):
-            jacobian[:, axis, 3 + axis * k : 3 + (axis + 1) * k] = terms
+        by_axis = np.kron(np.eye(3), terms[:, None])  # (n, 3, 3 k)
+        jacobian = np.concatenate([np.broadcast_to(np.eye(3), (len(time), 3, 3)), by_axis], axis=2)
         variance = np.einsum("nij,jk,nik->ni", jacobian, self.covariance, jacobian)
         return bias, np.sqrt(np.maximum(variance, 0.0))
 
