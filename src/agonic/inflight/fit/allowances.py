@@ -45,12 +45,15 @@ SHARE = 0.25
 class Course(NamedTuple):
     """A row of the table: what the bias may follow, by name; its columns (n, q), None where the
     record cannot tell; what helps, "" where nothing is said; whether the bias that is wanted is
-    that at the end of the course, rather than anywhere on it."""
+    that at the end of the course, rather than anywhere on it; whether it errs by what was seen of
+    it alone, as what most spacecraft lack, rather than by all that the record leaves open.
+    """
 
     name: str
     find: Callable[[Problem, Estimate], Array | None]
     move: str = ""
     at_end: bool = False
+    as_seen: bool = False
 
 
 def _find_drift(problem: Problem, estimate: Estimate) -> Array | None:
@@ -85,6 +88,7 @@ COURSES = (
         _find_sunlight,
         "record the currents of the solar panels and the temperature beside the sensor, and fit "
         "with them (--with, --temperature); beside an attitude, check that as well",
+        as_seen=True,
     ),
     Course(
         "temperature",
@@ -160,7 +164,8 @@ def weigh_courses(problem: Problem, estimate: Estimate) -> Iterator[tuple[Course
         term = average(gram, solve(gram, prior, groups, there, i), group)
         x = columns[-1:, part] if course.at_end else columns[:, part]
         q = x.shape[1]
-        square = np.einsum("iajb,na,nb->ij", term.square.reshape(3, q, 3, q), x, x) / len(x)
+        whole = np.outer(term.mean, term.mean) if course.as_seen else term.square
+        square = np.einsum("iajb,na,nb->ij", whole.reshape(3, q, 3, q), x, x) / len(x)
         moved = float(np.sqrt(expit(term.odds))) * term.alias[:3] @ term.mean
         yield course, i in there, square + np.outer(moved, moved)
 
