@@ -32,6 +32,8 @@ BIAS_DRIFT = next(term for term in TIME if term.name == "bias drift")
 LIKELY = 0.1
 """Probability of each, before the readings are seen."""
 CERTAIN = 1 - 1e-9
+CLEAR = 5.0
+"""Log-odds from which a course is spoken of, 150 to 1; in the standard error all of them are."""
 FEWEST = 0.05
 """Share of the record in sunlight, and in shadow, that tells one from the other."""
 SHORT_S, SHORTEST_S = 900.0, 60.0
@@ -110,9 +112,8 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
         averaged = average_over_size(estimate.solution, spline)
         estimate = estimate._replace(solution=averaged)
     sd = np.sqrt(np.diag(estimate.solution.covariance)[:3].max())
-    for course, there, square in weigh_courses(problem, estimate):
+    for course, there, size, square in weigh_courses(problem, estimate):
         estimate = _grow(estimate, square)
-        size = float(np.sqrt(np.trace(square)))
         if there and course.move and size > sd:
             what = (
                 f"the bias follows the {course.name}, by {figure(size * unit)} nT (rms over the "
@@ -132,9 +133,12 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
     return estimate, found
 
 
-def weigh_courses(problem: Problem, estimate: Estimate) -> Iterator[tuple[Course, bool, Array]]:
-    """The courses that the record can tell, whether each is there beside the others, and the mean
-    square (3, 3) that it adds to the error of the bias."""
+def weigh_courses(
+    problem: Problem, estimate: Estimate
+) -> Iterator[tuple[Course, bool, float, Array]]:
+    """The courses that the record can tell, whether each is clearly there beside the others, by how
+    much the bias was seen to follow it (rms over the field), and the mean square (3, 3) that it
+    adds to the error of the bias."""
     used = problem.used
     found = {course: course.find(problem, estimate) for course in COURSES}
     known = {course: x - x[used].mean(axis=0) for course, x in found.items() if x is not None}
@@ -163,11 +167,13 @@ def weigh_courses(problem: Problem, estimate: Estimate) -> Iterator[tuple[Course
     for i, (course, part, group) in enumerate(zip(known, parts, groups, strict=True)):
         term = average(gram, solve(gram, prior, groups, there, i), group)
         x = columns[-1:, part] if course.at_end else columns[:, part]
-        q = x.shape[1]
+        seen = term.mean.reshape(3, -1)
+        size = float(np.sqrt(np.mean(np.sum((x @ seen.T) ** 2, axis=1))))
         whole = np.outer(term.mean, term.mean) if course.as_seen else term.square
-        square = np.einsum("iajb,na,nb->ij", whole.reshape(3, q, 3, q), x, x) / len(x)
+        each = whole.reshape(*seen.shape, *seen.shape)
+        square = np.einsum("iajb,na,nb->ij", each, x, x) / len(x)
         moved = float(np.sqrt(expit(term.odds))) * term.alias[:3] @ term.mean
-        yield course, i in there, square + np.outer(moved, moved)
+        yield course, i in there and term.odds > CLEAR, size, square + np.outer(moved, moved)
 
 
 def average_over_size(solution: Solution, own: Index) -> Solution:
