@@ -13,13 +13,11 @@ from agonic.ellipse.evidence import TURN, examine_circle
 from agonic.ellipse.maths.conic import find_start
 from agonic.ellipse.result import EllipseFit
 from agonic.ellipsoid.problem import Posed, make_calibration_of, pose, rows_of
-from agonic.ellipsoid.solve import list_numbers
+from agonic.ellipsoid.solve import average_over_terms, list_numbers
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import figure
-from agonic.maths.equation.affine import split
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
-from agonic.maths.equation.gauge import expand_model_covariance
 from agonic.maths.equation.maximum_likelihood import Estimate, refine
 from agonic.model.posterior import Posterior, find_posterior
 from agonic.provenance import Provenance
@@ -123,11 +121,7 @@ def _make_calibration(
     settings: dict[str, object],
 ) -> Affine:
     """The calibration in the unit of the field; along z the mean gain, so that it can be undone."""
-    found = list_numbers(estimate, "ellipse")
-    if posterior is not None:
-        bias, matrix = split(posed.problem("ellipse", None).basis @ posterior.params)
-        covariance = expand_model_covariance("ellipse", posterior.covariance)
-        found = found._replace(bias=bias, matrix=matrix, covariance=covariance)
+    found = average_over_terms(list_numbers(estimate, "ellipse"), posterior)
     told = "none: mean gain set to 1" if place is None else place.describe()
     return replace(
         make_calibration_of(samples, found, posed.scale, "symmetric"),

@@ -24,6 +24,7 @@ from agonic.ellipsoid.settings import (
 )
 from agonic.ellipsoid.solve import (
     Found,
+    average_over_terms,
     choose_model,
     list_numbers,
     no_ellipsoid,
@@ -36,8 +37,6 @@ from agonic.fit import Fit, ModelTest
 from agonic.health import Finding, check_resolution, figure, inspect
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation import moments
-from agonic.maths.equation.affine import model_basis, split
-from agonic.maths.equation.gauge import expand_model_covariance
 from agonic.maths.equation.parts import estimate_part
 from agonic.model.posterior import find_posterior
 from agonic.provenance import Provenance
@@ -182,12 +181,7 @@ def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> F
         )
         if posterior is not None and terms:  # which have what the reference may be wrong by
             posed = posed._replace(scale=posed.scale._replace(sd=0.0))
-    if posterior is not None:
-        covariance = expand_model_covariance(found.model, posterior.covariance)
-        found = found._replace(covariance=covariance)
-    if posterior is not None and found.model == "full":  # a smaller model is asked for as it is
-        bias, matrix = split(model_basis(found.model) @ posterior.params)
-        found = found._replace(bias=bias, matrix=matrix)
+    found = average_over_terms(found, posterior)
     affine = _make_affine(posed, found, samples, reference, settings)
     assert affine.noise is not None
     found = found._replace(noise=affine.noise)

@@ -57,7 +57,7 @@ def read_section(
         shown = ", ".join(f"`{key}`" for key in unknown)
         known = ", ".join([*hints, *(f"[{name}]" for name in beside)])
         mistakes.append(f"{where} has no key {shown} (its keys: {known})")
-    for key in table.keys() & hints.keys():
+    for key in (key for key in table if key in hints):
         try:
             msgspec.convert(table[key], hints[key])
         except msgspec.ValidationError as error:
