@@ -19,6 +19,7 @@ from _pytest.mark import ParameterSet
 import agonic as ag
 from agonic.alignment import findings
 from agonic.cli import COMMANDS
+from agonic.inflight.fit.allowances import COURSES
 from agonic.model.terms import HIDDEN
 from agonic.model.terms.time import STEP
 from agonic.reproduce.run import load_documents
@@ -89,7 +90,11 @@ def test_every_command_is_explained(command: str) -> None:
 
 TOLD_BESIDE = {"prior"}
 """Doubts of the heading that become notes beside a graver one."""
-CHAMBER = {"told.name": (*TOLD.values(), *OTHER_TURNS), "steady.name": (*TRENDS.values(),)}
+TABLES = {
+    "told.name": (*TOLD.values(), *OTHER_TURNS),
+    "steady.name": (*TRENDS.values(),),
+    "course.name": tuple(course for course in COURSES if course.move),
+}
 """The rows of tables of findings, by how their names stand where they are said."""
 JUDGED = {term.name for term in HIDDEN} | {STEP.name, "ripple", "coverage", "correlated noise"}
 
@@ -107,7 +112,7 @@ def findings_in_the_source() -> dict[str, set[str]]:
                 if ast.unparse(node.args[0]) in {"one.term.name", "name"}:  # terms and doubts
                     found |= {name: {"note", "check", "refuse"} for name in JUDGED}
                     continue
-                if rows := CHAMBER.get(ast.unparse(node.args[0])):
+                if rows := TABLES.get(ast.unparse(node.args[0])):
                     for row in rows:
                         found.setdefault(row.name, set()).update(choices(node.args[1]))
                     continue

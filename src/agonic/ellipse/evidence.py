@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -78,8 +79,7 @@ def _name_tilt(correlated: Finding) -> Finding:
     """What mostly makes residuals of a level compass correlated, in words."""
     cause = "tilt, or from something magnetic that moved"
     what = correlated.what.replace("an unknown cause", cause)
-    move = "record again on level ground, away from iron"
-    return Finding("tilt", correlated.severity, what, move)
+    return replace(correlated, what=what, move="record again on level ground, away from iron")
 
 
 def _examine_seen(fit: EllipseFit, shorter: float) -> Iterator[Finding]:

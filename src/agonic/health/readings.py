@@ -182,7 +182,7 @@ def _throughout(stuck: Mask) -> bool:
 
 def _list_frozen(stuck: Sequence[Mask]) -> Iterator[Finding]:
     """Axes that stand still, throughout or for a time, while the others move."""
-    for axis, rows in zip("xyz", stuck, strict=True):
+    for axis, rows in zip("xyz", stuck, strict=False):
         if not rows.any():
             continue
         what = (

@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, correction_jacobian, model_basis
 from agonic.maths.estimation import leastsq
+from agonic.thermal.fit.each_temperature import fit_ellipsoids
 from agonic.thermal.fit.known_field_model import KnownFieldReadings, choose_model
 from agonic.thermal.fit.problem import Scale, Settings
 from agonic.thermal.maths import (
-    ellipsoids,
     estimate,
     gaussian_process,
     station_residuals,
@@ -156,7 +156,7 @@ def test_each_temperature_by_itself_agrees_with_one_solved_alone() -> None:
     points = problem.points.reshape(12, 2, 11, 3)[:, 0].swapaxes(0, 1)
     covariance = np.tile(4e-8 * np.eye(3), (11, 12, 1, 1))
     start = np.tile(np.array([0, 0, 0, 1.0, 1, 1, 0, 0, 0]), (11, 1))
-    found = ellipsoids.fit_ellipsoids(points, covariance, np.ones((11, 12), dtype=bool), start)
+    found = fit_ellipsoids(points, covariance, np.ones((11, 12), dtype=bool), start)
     assert found.determined.all()
     basis = model_basis("full")
 
@@ -178,9 +178,7 @@ def test_eight_stations_do_not_determine_a_temperature() -> None:
     there[1, :4] = False
     points = np.tile(np.swapaxes(list_standard_rotations(), 1, 2) @ [0.4, 0.1, 0.911], (2, 1, 1))
     start = np.tile(np.array([0, 0, 0, 1.0, 1, 1, 0, 0, 0]), (2, 1))
-    found = ellipsoids.fit_ellipsoids(
-        points, np.tile(1e-6 * np.eye(3), (2, 12, 1, 1)), there, start
-    )
+    found = fit_ellipsoids(points, np.tile(1e-6 * np.eye(3), (2, 12, 1, 1)), there, start)
     assert found.determined.tolist() == [True, False]
 
 

@@ -243,16 +243,16 @@ def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> I
     moved = float(np.linalg.norm(fit.change.bias))
     if problem.ground is None or moved < FAR * problem.magnitude:
         return
-    name = "axes of the ground calibration"
     what = f"the bias is {figure(moved)} nT from that of the ground"
     names, left, plain = _find_nearest(problem, samples)
     if names and left < min(NEARER * min(moved, plain), FAR * problem.magnitude):
         move = "give the readings in the axes in which the sensor was calibrated"
-        yield Finding(name, "refuse", f"{what}, and {figure(left)} nT if since then {names}", move)
+        what = f"{what}, and {figure(left)} nT if since then {names}"
+        yield Finding("axes of the ground calibration", "refuse", what, move)
     elif _is_far(fit, problem):
         share = f"{figure(100 * moved / problem.magnitude)} % of the field"
         move = "check that the calibration is of this sensor, in these axes and this unit"
-        yield Finding(name, "check", f"{what}, {share}", move)
+        yield Finding("axes of the ground calibration", "check", f"{what}, {share}", move)
 
 
 def _is_far(fit: InflightFit, problem: Problem) -> bool:
