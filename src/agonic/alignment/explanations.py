@@ -157,7 +157,7 @@ def _clock(solution: Solution, site: Site) -> _Cause:
 
 
 def _list_unsolved(solution: Solution, jacobian: Array) -> Iterator[_Cause]:
-    """What could be solved for and was not; its own size may be that of what nothing shows."""
+    """Groups of unknowns that were not solved for."""
     for groups, (what, solved) in UNSOLVED.items():
         if not set(groups) & set(solution.groups):
             columns = np.concatenate([jacobian[:, :, GROUPS[one]] for one in groups], axis=2)

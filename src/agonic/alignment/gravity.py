@@ -283,7 +283,8 @@ def _examine(fit: GravityFit, latitude_deg: Array | None) -> Iterator[Finding]:
     dip = fit.inclination_deg
     north = float("nan") if latitude_deg is None else float(np.nanmedian(latitude_deg))
     known = abs(north) > EQUATOR_DEG
-    if dip * north < 0 if known else dip < 0 and fit.angle_deg >= TURNED_DEG:
+    wrong = dip * north < 0 if known else (dip < 0 and fit.angle_deg >= TURNED_DEG)
+    if wrong:
         here = f"at latitude {north:.0f}° it does not" if known else "it does so in the south only"
         unknown = "" if known else ", or log latitude_deg if this is south of the magnetic equator"
         way = "up" if dip < 0 else "down"

@@ -338,7 +338,7 @@ class TrackerState:
 
 
 def _put_in(whole: Array | None, part: Array | None, rows: Index) -> Array | None:
-    """A covariance with that of some rows put in, which the others share nothing with."""
+    """`whole` with `part` in the given rows and columns, uncorrelated with the others."""
     if whole is None or part is None:
         return None
     made = np.array(whole)

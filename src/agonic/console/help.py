@@ -44,7 +44,7 @@ class _Helped:
 
 
 class Command(_Helped, TyperCommand):
-    """A command that does something."""
+    """A command without subcommands."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run it, with a word where it takes long; Ctrl-C is told with what was kept."""

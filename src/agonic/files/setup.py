@@ -85,7 +85,7 @@ SECTIONS: Mapping[str, Mapping[str, str]] = {
 
 
 def _make_section(name: str) -> type[Struct]:
-    """What a section may hold; both of [field] are needed."""
+    """The structure of a section's keys; only [field] needs all of its keys."""
     hints = get_type_hints(Setup)
     hints |= {"accelerometer": str | None, "declination_deg": float | Literal["model"]}
     keys = [(key, hints[attribute]) for key, attribute in SECTIONS[name].items()]

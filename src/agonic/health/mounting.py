@@ -52,8 +52,8 @@ FEWEST_TILTS = 8
 
 
 class Best(NamedTuple):
-    """The turn by right angles that leaves least of the vertical, whether it is by far the best,
-    and what it and the axes as named leave."""
+    """The turn by right angles that leaves the least variation of the vertical field, whether it is
+    clearly the best, and what it leaves and what the named axes leave."""
 
     turn: Array
     clear: bool
@@ -62,7 +62,7 @@ class Best(NamedTuple):
 
 
 def _find_best(misfit: Array) -> Best:
-    """Of what each turn by right angles leaves, (24,)."""
+    """The best turn from the misfit of each turn by right angles, (24,)."""
     best, rival = np.argsort(misfit)[:2]
     clear = misfit[best] < min(FAR_BETTER * misfit[0], misfit[rival] / RIVAL)
     return Best(right_angles()[best], bool(clear), float(misfit[best]), float(misfit[0]))

@@ -192,7 +192,8 @@ def _list_frozen(stuck: Sequence[Mask]) -> Iterator[Finding]:
         move, dead = "check the sensor and its wiring", _throughout(rows)
         if dead:
             what = f"{'never' if rows.all() else 'hardly ever'} changes while the others do"
-            move += "; with two axes it can only be used as a level compass"
+            if len(stuck) == 3:
+                move += "; with two axes it can only be used as a level compass"
         yield Finding("frozen axis", "refuse" if dead else "check", f"axis {axis} {what}", move)
 
 

@@ -52,7 +52,8 @@ FAR = 0.2
 SHORT = 0.03
 """Of the log: a stretch is longer. Less is a magnet that was passed, which outliers tell."""
 AS_LITTLE = 1.2
-"""Of the noise that terms leave, which bend where states are stiff: so much is the same."""
+"""Times the noise that the fitted terms leave: a split into states that leaves more is explained by
+the terms."""
 MIXED_REFUSED = 0.1
 """Of the field between two sensors, or of what comes and goes: less errs a row as noise may."""
 MOST_EDGES = 6

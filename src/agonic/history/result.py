@@ -109,7 +109,7 @@ def make_series(time: Array, value: Array, sd: Array) -> Series:
 
 
 def summarise(posterior: Posterior, span_s: float) -> dict[str, float]:
-    """The figures of a trend, by its fields; posteriors are over a span of one."""
+    """The figures of a trend by field name; the posterior's time runs from 0 to 1 over the span."""
     years = span_s / YEAR_S
     return {
         "slope": float(posterior.mean(1)) / years,

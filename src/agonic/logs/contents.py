@@ -27,7 +27,7 @@ _CALIBRATION = (
 
 @cache
 def read_not_logs() -> dict[str, Any]:
-    """What files are that are no logs, `not_logs.toml`."""
+    """The table of kinds of files that are not logs, from `not_logs.toml`."""
     return tomllib.loads(Path(__file__).with_name("not_logs.toml").read_text("utf-8"))
 
 

@@ -60,7 +60,7 @@ class Stream:
 
     @classmethod
     def at(cls, name: str, rows: int, time: Array | None) -> Stream:
-        """One whose rows have these times, seconds, if any."""
+        """A stream of `rows` rows; its rate follows from their times (s), if there are any."""
         return cls(name=name, rows=rows, rate_Hz=None if time is None else compute_rate_Hz(time))
 
 

@@ -34,7 +34,7 @@ _DAMAGE = (EOFError, OSError, zlib.error, lzma.LZMAError)
 
 @contextmanager
 def unpack(file: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    """The file itself, of a compressed one a plain copy for as long as it is needed; and notes."""
+    """The file itself, or a temporary unpacked copy of a compressed one; and notes."""
     packing = formats.find_packing(file)
     if not packing:
         yield file, ()

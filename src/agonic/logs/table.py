@@ -182,8 +182,8 @@ def _put_in_order(part: Part, number: str) -> tuple[Part, tuple[str, ...]]:
 def _find_frame(part: Part) -> str:
     """The letter in a `frame` column, where all rows agree on one; "m" otherwise."""
     column = pick(part.found.get("frame", {}), "").get("")
-    letters = {"m"} if column is None else set(map(str, part.take(part.table[column.header])))
-    (letter,) = letters if len(letters) == 1 else "m"
+    letters = set() if column is None else set(map(str, part.take(part.table[column.header])))
+    letter = letters.pop() if len(letters) == 1 else ""
     return letter if len(letter) == 1 and letter.isalpha() else "m"
 
 

@@ -240,9 +240,10 @@ def draw_histogram(residuals: Residuals, bins: int = 60) -> Markup:
     limit = residuals.limit
     counts, edges = np.histogram(residuals.values, bins=bins, range=(-limit, limit))
     at = np.linspace(-limit, limit, 201)
-    noise = max(residuals.noise, 1e-300)  # nothing where there is none
-    normal = np.exp(-0.5 * np.minimum(np.abs(at) / noise, 40.0) ** 2) / (noise * np.sqrt(2 * np.pi))
-    expected = len(residuals.values) * (edges[1] - edges[0]) * normal * (residuals.noise > 0.0)
+    expected, noise = np.zeros_like(at), residuals.noise
+    if noise > 0.0:
+        normal = np.exp(-0.5 * (at / noise) ** 2) / (noise * np.sqrt(2 * np.pi))
+        expected = len(residuals.values) * (edges[1] - edges[0]) * normal
     x = Axis(f"residual, {residuals.unit}", -limit, limit)
     y = Axis("readings", 0.0, 1.05 * float(max(counts.max(), expected.max(), 1.0)))
     steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)

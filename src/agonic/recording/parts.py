@@ -172,8 +172,8 @@ def compare_folds(folds: Folds | None) -> Check:
 
 
 def find_refusals(checks: Sequence[Check]) -> Iterator[Finding]:
-    """Why unseen readings forbid to use a fit, where they do: those of a fit by attitude dip as no
-    other of its readings, or parts of its own log contradict it."""
+    """Findings that refuse a fit by held-out readings: their dip is wrong, or parts of the log
+    contradict each other."""
     off = max((check.value for check in checks if check.name == DIP), default=0.0)
     if off > DIP_REFUSED_DEG:
         yield Finding(

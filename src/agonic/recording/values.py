@@ -36,11 +36,7 @@ _VALUES: Mapping[str, Callable[[Calibrated], Any]] = {
     "nonorthogonality_sd_deg": lambda r: decompose(r.fit.calibration).nonorthogonality_sd_deg,
     "turn_deg": lambda r: _find_turn(r)[0],
     "turn_sd_deg": lambda r: _find_turn(r)[1],
-    "ellipsoid": lambda r: (
-        None
-        if mixes_sensors(r.fit.calibration)
-        else (found := find_raw_ellipsoid(r.fit.calibration)) and found._asdict()
-    ),
+    "ellipsoid": lambda r: _describe_ellipsoid(r.fit.calibration),
     "gauge": lambda r: r.fit.calibration.gauge,
     "sources": lambda r: getattr(r.fit.calibration, "sources", None),
     "coefficients": lambda r: getattr(r.fit.calibration, "coefficients", None),
@@ -107,6 +103,12 @@ def list_values(
 def _if_nT(result: Calibrated, value: Any) -> Any:
     """A value in the unit of the readings, where that is nanotesla."""
     return value if result.fit.calibration.unit_in == "nT" else None
+
+
+def _describe_ellipsoid(calibration: Affine) -> dict[str, Any] | None:
+    """The ellipsoid of the raw readings, which a mix of sensors has none of."""
+    found = None if mixes_sensors(calibration) else find_raw_ellipsoid(calibration)
+    return None if found is None else found._asdict()
 
 
 def _find_turn(result: Calibrated) -> tuple[Array | None, Array | None]:

@@ -64,7 +64,7 @@ class Unknowns(NamedTuple):
         )
 
     def leave_from(self, offset: Array) -> Array:
-        """How far pier and axes of the reference (18,) are from where a prior has them."""
+        """Pier offset and rotation of the reference's axes, less their prior, (18,); else 0."""
         turn = compute_rotation_vector(self.rot_nr)
         return np.concatenate([np.zeros(3), turn, self.offset - offset, np.zeros(9)])
 

@@ -1,4 +1,4 @@
-"""`fit_alignment`: the rotation from a star sensor to a magnetometer, and what it is worth.
+"""`fit_alignment`: the rotation from a star sensor to a magnetometer, and its standard error.
 
 A wrong clock, longitude, latitude and variometer all turn the reference's axes. Where the platform
 is turned about one axis only, such a turn is part of the alignment, and no residual shows it (the

@@ -1,4 +1,4 @@
-"""`plan_alignment`: the orientations of a session, and what they will show, before the night."""
+"""`plan_alignment`: the orientations of a session, and the standard errors to expect."""
 
 from __future__ import annotations
 

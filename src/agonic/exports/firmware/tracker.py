@@ -44,8 +44,9 @@ def write_tracker(
 
         r = (|W (raw − bias)| − F − g)/|Wᵀû| = noise,   P = U D Uᵀ
 
-    reading by reading in float32, in fixed memory; jumps are told and gone back to. Written are
-    `{name}_tracker.h`, `{name}_tracker.c` and `{name}_tracker_selftest.c`.
+    reading by reading in float32, in fixed memory; jumps are reported, and the estimate restarts
+    from before them. Written are `{name}_tracker.h`, `{name}_tracker.c` and
+    `{name}_tracker_selftest.c`.
 
     Source: G. J. Bierman (1977), Factorization Methods for Discrete Sequential Estimation.
     """

@@ -215,7 +215,7 @@ def _scatter(evidence: Evidence) -> Finding | None:
     )
 
 
-def _find_more(evidence: Evidence, *columns: Array) -> tuple[Array, Array]:
+def _fit_more_columns(evidence: Evidence, *columns: Array) -> tuple[Array, Array]:
     """What further columns (n,) explain of the residuals beside the terms, and its covariance."""
     w = evidence.solved.weights if evidence.weighted else np.ones(len(evidence.rows))
     rows = np.column_stack([evidence.rows, *columns])
@@ -233,7 +233,7 @@ def _drift(evidence: Evidence) -> Finding | None:
     used = int((evidence.solved.weights > 0).sum()) if evidence.weighted else n
     if used - k < 3:
         return None
-    found, covariance = _find_more(evidence, np.linspace(-0.5, 0.5, n))
+    found, covariance = _fit_more_columns(evidence, np.linspace(-0.5, 0.5, n))
     size = abs(float(found[0]))
     t = size / np.sqrt(max(float(covariance[0, 0]), 1e-24))
     if size >= DRIFT_LEAST_DEG and 2 * stdtr(used - k - 1, -t) <= DRIFT_SIGNIFICANT:
@@ -256,7 +256,7 @@ def _third(evidence: Evidence) -> Finding | None:
     if not evidence.weighted or "D" not in evidence.card.terms:
         return None
     psi = np.radians(evidence.readings.compass)
-    found, covariance = _find_more(evidence, np.sin(3 * psi), np.cos(3 * psi))
+    found, covariance = _fit_more_columns(evidence, np.sin(3 * psi), np.cos(3 * psi))
     chance = float(chdtrc(2, found @ np.linalg.pinv(covariance) @ found))
     size = float(np.hypot(*found))
     if size < THIRD_DOUBTFUL_DEG or chance > SIGNIFICANT:

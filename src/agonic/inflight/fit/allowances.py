@@ -17,6 +17,7 @@ from scipy.special import expit
 
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
+from agonic.field.worldfield import EXTERNAL_NT
 from agonic.health import Finding, figure
 from agonic.inflight.fit.covariance import OF_SENSOR, Estimate
 from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
@@ -30,10 +31,12 @@ from agonic.model.terms.time import TIME
 BIAS_DRIFT = next(term for term in TIME if term.name == "bias drift")
 """What gives all courses their scale."""
 LIKELY = 0.1
-"""Probability of each, before the readings are seen."""
+"""Probability of each, before the readings are seen; assumed, evidence of 10 to 1 outweighs it."""
 CERTAIN = 1 - 1e-9
 CLEAR = 5.0
 """Log-odds from which a course is spoken of, 150 to 1; in the standard error all of them are."""
+BEYOND_MODEL = 3.0
+"""Of the world model's own error along an orbit: what goes with a course by less may be that."""
 FEWEST = 0.05
 """Share of the record in sunlight, and in shadow, that tells one from the other."""
 SHORT_S, SHORTEST_S = 900.0, 60.0
@@ -45,10 +48,12 @@ SHARE = 0.25
 
 
 class Course(NamedTuple):
-    """A row of the table: what the bias may follow, by name; its columns (n, q), None where the
-    record cannot tell; what helps, "" where nothing is said; whether the bias that is wanted is
-    that at the end of the course, rather than anywhere on it; whether it errs by what was seen of
-    it alone, as what most spacecraft lack, rather than by all that the record leaves open.
+    """A row of the table: what the bias may follow, by name.
+
+    `find` gives its columns (n, q), None where the record cannot tell; `move` what helps, "" where
+    nothing is said. `at_end`: the bias that is wanted is that at the end of the record, not its
+    mean. `as_seen`: only its mean size errs the bias, for most spacecraft have none of it; else its
+    mean square does.
     """
 
     name: str
@@ -114,7 +119,7 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
     sd = np.sqrt(np.diag(estimate.solution.covariance)[:3].max())
     for course, there, size, square in weigh_courses(problem, estimate):
         estimate = _grow(estimate, square)
-        if there and course.move and size > sd:
+        if there and course.move and size > max(sd, BEYOND_MODEL * EXTERNAL_NT / unit):
             what = (
                 f"the bias follows the {course.name}, by {figure(size * unit)} nT (rms over the "
                 "record), which its standard error includes"
@@ -145,6 +150,8 @@ def weigh_courses(
     if not known:
         return
     columns = np.hstack([*known.values()])
+    if np.count_nonzero(used) <= estimate.layout.parameters + 3 * columns.shape[1]:
+        return  # too few readings for so many terms
     named = {f"course_{k}": values for k, values in enumerate(columns.T)}
     beside = problem.with_sources(named, problem.settings.sources)
     try:

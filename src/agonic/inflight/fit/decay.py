@@ -27,9 +27,9 @@ def settle_torquers(
     problem: Problem, estimate: Estimate, since: Array, step_s: float, *, follows: bool
 ) -> tuple[Problem, Estimate]:
     """Problem and estimate with a field that `follows` the torquers among the sources, where that
-    takes away what was larger after switches, and without readings that are off after one yet.
+    takes away what was larger after switches, and without readings that are still off after one.
 
-    Parameters: `since` (n,) the last switch of a torquer and `step_s` between readings, s.
+    Parameters: `since` (n,) seconds since the last switch of a torquer, `step_s` between readings.
     """
 
     def measure_s(one: Problem, of: Estimate) -> float:

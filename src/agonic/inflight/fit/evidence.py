@@ -96,7 +96,7 @@ def find_period_s(samples: Samples) -> float | None:
     return float(2 * np.pi * np.sqrt(radius**3 / GRAVITY_M3_S2))
 
 
-def _find_swing_s(fit: InflightFit, samples: Samples) -> tuple[float, float] | None:
+def _find_short_interval_s(fit: InflightFit, samples: Samples) -> tuple[float, float] | None:
     """The interval of the bias, s, and the orbit's period, where there are more than three in an
     orbit; else None."""
     period = find_period_s(samples)
@@ -109,7 +109,7 @@ def _find_swing_s(fit: InflightFit, samples: Samples) -> tuple[float, float] | N
 def _judge_course(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
     """A bias whose many intervals one step explains as well, or that changes within an orbit as
     only what goes round with it does."""
-    count, swing = fit.drift.intervals, _find_swing_s(fit, samples)
+    count, swing = fit.drift.intervals, _find_short_interval_s(fit, samples)
     if count >= MANY:
         plain = replace(problem, direction=None)
         smooth = fit_rows(plain, find_start(plain), problem.used, count)
@@ -165,7 +165,7 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator
         return
     mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
     small = fit.noise < SUSPICIOUS * problem.magnitude
-    if small and not mostly_lasting and _find_swing_s(fit, samples) is None:
+    if small and not mostly_lasting and _find_short_interval_s(fit, samples) is None:
         return
     cause = likely_causes.find_likely_cause(fit, problem, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"

@@ -42,7 +42,7 @@ def compute_spreads(noise: dict[str, Noise], before: dict[str, float]) -> dict[s
     return found
 
 
-def _divide(kind: str, before: dict[str, float], now: dict[str, float]) -> float:
+def _compute_spread_ratio(kind: str, before: dict[str, float], now: dict[str, float]) -> float:
     """What residuals of a kind are over with the spreads `now`, σ or √(1 + κ²), over what they were
     over before; an attitude whose errors do not show has κ = 0."""
     least = 0.0 if kind == "magnitude" else 1.0
@@ -171,7 +171,7 @@ def refine(
         noise = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         before, sds = sds, compute_spreads(noise, sds)
         for kind in kinds[1:]:
-            sd = noise[kind].sd / _divide(kind, before, sds)
+            sd = noise[kind].sd / _compute_spread_ratio(kind, before, sds)
             noise[kind] = noise[kind]._replace(sd=sd)
         correlation = covariance.compute_mean_correlation(noise)
         channels = [
@@ -190,7 +190,7 @@ def refine(
         seen = dict(zip(noise, parts, strict=True))
         again = {kind: estimate_noise(r, robust, len(params)) for kind, r in seen.items()}
         now = compute_spreads(again, sds)
-        if all(abs(_divide(kind, sds, now) - 1) < 0.02 for kind in kinds):
+        if all(abs(_compute_spread_ratio(kind, sds, now) - 1) < 0.02 for kind in kinds):
             break
     return covariance.Estimate(solution, layout, terms, noise, sds, seen, {}, {})
 

@@ -234,7 +234,7 @@ def simulate_orbit(
     )
 
 
-_NOT_BELOW = "a simulation needs zero or more"
+_ZERO_OR_MORE = "a simulation needs zero or more"
 
 
 _Generators = namedtuple(
@@ -247,7 +247,7 @@ def _check(facts: Mapping[str, Any]) -> None:
     check_choice("pointing", facts["pointing"], POINTINGS)
     for names, most, least in (
         ("n rate_Hz pace_s correlation_s settling_s", np.inf, "a simulation needs it above zero"),
-        ("noise step external torquer scalar_sd attitude_sd_deg", np.inf, _NOT_BELOW),
+        ("noise step external torquer scalar_sd attitude_sd_deg", np.inf, _ZERO_OR_MORE),
         ("jump_at torquer_share", 1.0, "it needs a share from 0 to 1"),
     ):
         for name in names.split():

@@ -305,7 +305,7 @@ def make_rows(
     if not len(rows):
         raise AgonicError("no readings were given")
     if not isfinite(rows.sum()):  # quicker than to ask each of the numbers
-        raise AgonicError("a time, reading or magnitude is not a number; leave such rows out")
+        raise AgonicError("a time, reading, rate or magnitude is not a number; leave such rows out")
     least = rows[:, size].min()
     if least < 0 or (least == 0 and not turns):
         raise UnitError("a reference magnitude must be above zero, in nT")

@@ -71,10 +71,11 @@ def read(path: Path, source: Input) -> Log:
     heard = {name: mavlink.decode(data, some, known[name]) for name, some in wanted.items()}
     skipped = int(data.size - (packets.end - packets.start).sum())
     spoilt = sum(len(wanted[name]) - len(heard[name]) for name in WANTED)
-    damage = (
-        *(f"{skipped} bytes are damaged or cut off and were skipped",) * bool(skipped),
-        *(f"{spoilt} messages with a wrong checksum were left out",) * bool(spoilt),
-    )
+    damage = []
+    if skipped:
+        damage.append(f"{skipped} bytes are damaged or cut off and were skipped")
+    if spoilt:
+        damage.append(f"{spoilt} messages with a wrong checksum were left out")
     vehicle, autopilot, others = _vehicle(heard)
     own = {name: messages.select(messages.sender == vehicle) for name, messages in heard.items()}
     timeline = mavlink.Timeline.of(own)

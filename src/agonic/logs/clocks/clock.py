@@ -60,7 +60,7 @@ def read_clock(values: NDArray[Any], unit_s: float | None) -> Clock:
 
 
 def unwrap(values: Array, period: float) -> Array:
-    """Values that go round, counted up, by those that are known."""
+    """Values that wrap at a period, unwrapped in place; NaN stays NaN."""
     known = np.isfinite(values)
     values[known] = np.unwrap(values[known], period=period)
     return values

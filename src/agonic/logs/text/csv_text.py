@@ -113,7 +113,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
 
 def read_table(path: Path) -> TableAndFacts:
-    """The columns of a text table that are understood, by header, and what to tell of the file."""
+    """The columns of a text table that are understood, by header, and notes on the file."""
     lines = _load(path)
     if dialect := dialects.find_dialect(lines.head, lines.rows):
         tables = dialects.read_dialect(dialect, lines.whole)
@@ -169,7 +169,7 @@ def _most(rows: Sequence[str], test: Callable[[str], object]) -> bool:
 
 
 def _read_lines(lines: Lines) -> TableAndFacts:
-    """The columns of lines of one kind, and what to tell of them."""
+    """The columns of lines of one kind, and notes on them."""
     data, head, rows, _, notes = lines
     if not rows:
         raise LogError("there are no lines with values in it")
@@ -194,7 +194,7 @@ def _read_lines(lines: Lines) -> TableAndFacts:
 
 
 def _read_separated(lines: Lines) -> TableAndFacts:
-    """The columns of cells that separators divide, and what to tell of them."""
+    """The columns of cells that separators divide, and notes on them."""
     data, head, _, sample, notes = lines
     layout = find_layout(head, sample)
     notes = (*notes, *layout.notes)

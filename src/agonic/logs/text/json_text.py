@@ -60,7 +60,7 @@ def _gather_messages(records: list[dict[str, Any]]) -> dict[str, dict[str, NDArr
 
 
 def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], About]:
-    """The columns that are understood, by name, and what to tell of the file."""
+    """The columns that are understood, by name, and notes on the file."""
     return _make_table(*_load_file(path))
 
 

@@ -122,10 +122,9 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
         start = sample[at] + 1
     else:
         comment = next((line for line in reversed(above) if line and not holds_values(line)), "")
-        before, said = (
-            cells if is_header(cells := split_cells(line, separator)) else []
-            for line in (lines[sample[at - 1]] if at else "", comment.strip(f"{COMMENT} "))
-        )
+        above = (lines[sample[at - 1]] if at else "", comment.strip(f"{COMMENT} "))
+        words = (split_cells(line, separator) for line in above)
+        before, said = (cells if is_header(cells) else [] for cells in words)
         rows = [split_cells(lines[i], separator) for i in sample[at:]]
         header = _name_columns(before, said, rows, hashed=comment.startswith("# "))
         if header == _TIMED:

@@ -293,7 +293,8 @@ def _explain(seen: Counter[str], wrong: int) -> LogError:
     if wrong == sum(seen.values()):
         return LogError(f"sentences {there}, all with a wrong checksum: damaged; record again")
     heads = any(name[-3:] in ("HDG", "HDM", "HDT", "THS", "VHW") for name in seen)
-    compass = "; headings of a compass alone are corrected by a swing: agonic plan swing" * heads
+    swing = "; headings of a compass alone are corrected by a swing: agonic plan swing"
+    compass = swing if heads else ""
     return LogError(
         f"sentences {there} hold no magnetometer; have the device send its raw field "
         f"(VectorNav: $VNIMU), $MAG,x,y,z, or $…XDR with MAGX, MAGY and MAGZ{compass}"

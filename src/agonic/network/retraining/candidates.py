@@ -135,7 +135,7 @@ def find_common_error(state: RetrainerState, rows: Window) -> float:
     if len(visits) < 3 or state.noise is None:
         strength = find_length(rows.wanted)
         alike = correlation_length(strength - strength.mean(), np.ones(len(rows)))
-        varied = float(np.ptp(strength)) > state.reference_sd
+        varied = np.ptp(strength) > state.reference_sd and 20 <= len(rows) > 4 * alike
         return state.reference_sd * (np.sqrt(alike / len(rows)) if varied else 1.0)
     n: Array = np.bincount(visit).astype(np.float64)
     left = compute_errors(correct(state.running, kept), kept.wanted)

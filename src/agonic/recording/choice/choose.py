@@ -66,8 +66,10 @@ def choose_surer(
         at_dip = {"inclination_deg": aided.fit.coverage.inclination_deg, **settings}
         alone = fit_alone(samples, reference, at_dip)
     ranks = [("good", "check", "refused").index(one.fit.verdict) for one in (aided, alone)]
-    by_rank, least = ranks[0] < ranks[1], SURER * alone.fit.coverage.heading_sd_deg
-    if _own_heading_deg(aided.fit) < least if ranks[0] == ranks[1] else by_rank:
+    surer = ranks[0] < ranks[1]
+    if ranks[0] == ranks[1]:
+        surer = _own_heading_deg(aided.fit) < SURER * alone.fit.coverage.heading_sd_deg
+    if surer:
         return aided
     if aided.fit.verdict == "refused":
         if alone.fit.verdict != "refused":

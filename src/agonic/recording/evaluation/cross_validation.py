@@ -73,8 +73,8 @@ class Unseen(NamedTuple):
 def cross_validate(samples: Samples, known: Known, predict: Predict) -> Unseen:
     """The errors of every row by a fit that had not seen it. The log is cut into eight blocks of
     time of equal information; the even ones are judged by a fit to the odd ones, and the reverse.
-    Source: blocks, not rows, are held out, for errors that last are no news to a neighbour (Burman,
-    Chow & Nolan 1994)."""
+    Source: blocks, not rows, are held out, because correlated errors are the same in neighbouring
+    rows (Burman, Chow & Nolan 1994)."""
     block, _ = cut_blocks(samples)
     refused, errors = np.zeros(len(samples), dtype=np.intp), dict[str, Errors]()
     for odd in (True, False):

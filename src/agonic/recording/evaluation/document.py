@@ -144,9 +144,14 @@ def _list_values(result: Evaluation) -> dict[str, Any]:
                 "n": len(at),
                 "refused": bool(result.unseen.refused[at].any()),
                 **{
-                    kind: {"found": found, "stated": stated}
-                    for kind in (one.kind for one in result.measures)
-                    for found, stated in [result.unseen.errors[kind].select(at)]
+                    one.kind: dict(
+                        zip(
+                            ("found", "stated"),
+                            result.unseen.errors[one.kind].select(at),
+                            strict=True,
+                        )
+                    )
+                    for one in result.measures
                 },
             }
             for _, at in _split(result)

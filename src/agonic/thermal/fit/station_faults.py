@@ -70,8 +70,8 @@ _HOLD_LONGER = (
 TOLD: Mapping[str, Told] = {
     ODD: Told(
         "odd station",
-        "at {station} the bias is {amount} away from that of the other stations; that was "
-        "allowed for",
+        "at {station} the bias is {amount} away from that of the other stations; the "
+        "calibration is corrected for it",
         "see whether iron, a cable or another sensor was there, and record it again or leave it "
         "out",
     ),
@@ -89,19 +89,19 @@ TOLD: Mapping[str, Told] = {
     ),
     SETTLING: Told(
         "settling",
-        "the bias began {amount} off and settled over {hours}; that was allowed for",
+        "the bias began {amount} off and settled over {hours}; the calibration is corrected for it",
         "let the sensor settle before the first station, or leave the first stations out",
     ),
     THERMOMETER: Told(
         "odd temperature",
-        "at {station} the sensor was {away} °C away from what its thermometer said; that was "
-        "allowed for",
+        "at {station} the sensor was {away} °C away from what its thermometer said; the "
+        "calibration is corrected for it",
         _HOLD_LONGER,
     ),
     UNSETTLED: Told(
         "odd temperature",
         "at {station} the sensor was at first {away} °C away from what its thermometer said; "
-        "that was allowed for",
+        "the calibration is corrected for it",
         _HOLD_LONGER,
     ),
 }

@@ -5,9 +5,9 @@ follow one of size one. Slow changes of the field are terms as well, one for eac
 All share what the estimate left over in one likelihood, and the likeliest are there. The estimate
 moves to where it is beside them; the covariance is what the readings tell beside them.
 
-Twelve magnitudes less nine numbers leave three: a field, or a gain, that is another from one
-station on looks in most of its parts like another calibration, and hardly shows. What little shows
-tells how much did not.
+Twelve magnitudes less nine numbers leave three: a field, or a gain, that changes from one station
+on looks in most of its components like another calibration. The small part that shows tells the
+size of the rest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scipy.special import chdtri
 from agonic.arrays import Array
 from agonic.maths.equation import temperature_model
 from agonic.maths.estimation.noise.residuals import robust_scale
-from agonic.model.average import Base, Group, Prior, choose, mix, price, solve
+from agonic.model.average import EVIDENCE, Base, Group, Prior, choose, mix, price, rate, solve
 from agonic.model.terms.time import TIME
 from agonic.thermal.maths import gaussian_process
 from agonic.thermal.maths.estimate import IMPLAUSIBLE, LIKELY, OUTLIER, RARE, StationEstimate
@@ -46,7 +46,8 @@ OF_TEMPERATURE, OF_ALL = (THERMOMETER, UNSETTLED), (STEP, SETTLING, AGEING)
 SMOOTH: Kind = ("smooth", 0.7)
 """Slow changes of the field, where the estimate has none of their own."""
 ODDS = 2e-3
-"""How often a campaign has a fault of one kind at one place."""
+"""How often a campaign has a fault of one kind at one place. Assumed: with some 40 places, one
+campaign in twelve has a fault."""
 WARM = 0.01
 """Scale of a thermometer's error, of half the range: 0.3 °C of 30."""
 CHANGES = 1e-3
@@ -54,11 +55,11 @@ CHANGES = 1e-3
 DECAYS = (0.02, 0.06, 0.2)
 """Time constants of a bias that settles, of the whole campaign."""
 _UNSETTLED = 0.1  # of a station's recording: how long a temperature takes to settle
-_MOMENTS = 30
+_MOMENTS = 30  # of a step, about the one that was found: nearer is the same to the readings
 _PARTS = (16, 8, 4)  # of a station, over which memory is looked for
-_ROUNDS = 2
-_NOTHING = 0.1
-_SMALL, _SAME = 1e-9, 0.01
+_ROUNDS = 2  # until a fault is found it is scatter and memory
+_NOTHING = 0.1  # weight of a station that the robust loss left out
+_SMALL, _SAME = 1e-9, 0.01  # of the largest axis: rounding; of a weight: alike in a station
 _KNOWN = 1e-4
 """Of its information: columns are known to 1 %, for they contain the readings' noise."""
 LARGEST = 15.0
@@ -345,20 +346,26 @@ def find_faults(
             near = [each for one in steps for each in _list_moments(problem, one, time)]
             terms = _list_terms(fit, time, [*near, *terms.candidates], left)
         ways, tested = [], _leave_offsets(fit, terms, variance)
-        for start in ({}, fit.slow):  # slow changes hide faults, and faults slow changes
+        odds, sizes = rate(tested, solve(tested, fit.prior, terms.groups, {}), terms.groups)
+        odds[: len(terms.groups) - len(terms.candidates)] = -np.inf
+        best = int(np.argmax(odds))
+        fault = {best: float(sizes[best])} if odds[best] > EVIDENCE else {}
+        for start in ({}, fit.slow, fault):  # slow changes hide faults, and faults slow changes
             there, base = choose(tested, fit.prior, terms.groups, start)
             likely = base.evidence + price(terms.groups, there)
             there = terms.keep_apart(there, 0.5 * float(np.ptp(time)) / problem.stations)
             ways.append((likely, {**there, **({} if problem.turns_known else fit.slow)}))
         ways.sort(key=lambda way: -way[0])
+        ways = [way for k, way in enumerate(ways) if way[1] not in [w for _, w in ways[:k]]]
     gram = terms.gram / variance
     unseen = _allow_for_changes(fit, terms, gram, changes, problem.layout.shape[1])
     made = [_conclude(fit, terms, gram, estimate, there) for _, there in ways]
-    found = made[0][0]
-    if not found:
+    if not any(each for each, *_ in made):
         return Faults((), estimate.coefficients, estimate.covariance, unseen, left_out)
     chances = np.exp([likely - ways[0][0] for likely, _ in ways])
-    averaged = mix(chances / chances.sum(), [(mean, spread) for _, mean, spread in made])
+    chances /= chances.sum()
+    found = next((one[0] for one, p in zip(made, chances, strict=True) if one[0] and p > 0.05), ())
+    averaged = mix(chances, [(mean, spread) for _, mean, spread in made])
     return Faults(found, *averaged, unseen, left_out)
 
 
@@ -404,6 +411,10 @@ def _conclude(
     a, constant = fit.problem.layout.shape[1], (fit.problem.degree + 1) * np.arange(3)
     covariance = base.inverse[:a, :a].copy()
     halves = [one.size / 2 for one in found if one.candidate.kind in (STEP, AGEING)]
+    for i in there:  # and half of what is not known of their sizes
+        if (one := terms.find(i)) is not None and one.kind in (STEP, AGEING):
+            own = np.flatnonzero(np.isin(base.columns, terms.groups[i].columns))
+            covariance[np.ix_(constant, constant)] += base.inverse[np.ix_(own, own)] / 4
     if len(estimate.ageing):
         first = a + len(estimate.drift)
         halves.append((estimate.ageing + every[first : first + 3]) / 2)
