@@ -35,8 +35,6 @@ LIKELY = 0.1
 CERTAIN = 1 - 1e-9
 CLEAR = 5.0
 """Log-odds from which a course is spoken of, 150 to 1; in the standard error all of them are."""
-BEYOND_MODEL = 3.0
-"""Of the world model's own error along an orbit: what goes with a course by less may be that."""
 FEWEST = 0.05
 """Share of the record in sunlight, and in shadow, that tells one from the other."""
 SHORT_S, SHORTEST_S = 900.0, 60.0
@@ -119,7 +117,7 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
     sd = np.sqrt(np.diag(estimate.solution.covariance)[:3].max())
     for course, there, size, square in weigh_courses(problem, estimate):
         estimate = _grow(estimate, square)
-        if there and course.move and size > max(sd, BEYOND_MODEL * EXTERNAL_NT / unit):
+        if there and course.move and size > max(sd, 3 * EXTERNAL_NT / unit):  # or the world model's
             what = (
                 f"the bias follows the {course.name}, by {figure(size * unit)} nT (rms over the "
                 "record), which its standard error includes"

@@ -117,12 +117,6 @@ def choose_order(curves: Array, n: int) -> int:
     Parameters: curves (c, k) as `compute_variances` gives them for n values each. An order is too
     small where a higher one lowers the variance of a coefficient by more than `MARKED` and an F
     test (with the number of coefficients taken into account) says that it is not chance.
-
-    >>> x = np.linspace(-1, 1, 60)
-    >>> noise = np.random.default_rng(0).normal(size=60)
-    >>> values = (20 * x**3 + noise)[:, None]
-    >>> choose_order(compute_variances(x, values, np.ones((60, 1)), 5), 60)
-    3
     """
     orders = int(curves.shape[1])
     for low in range(orders - 1):

@@ -64,16 +64,6 @@ def compare_namings(force: Array, rate: Array, time: Array, turns: Array) -> Arr
     Parameters: specific force (…, n, 3) m/s², as one accelerometer or several read it, and rate
     (n, 3) rad/s at time (n,) s; `turns` (k, 3, 3) are signed permutations from the axes of the gyro
     to those of the accelerometer.
-
-    >>> time = np.arange(1500) / 25
-    >>> rate = np.stack([np.sin(time), np.cos(1.3 * time), 0.2 * np.sin(0.7 * time)], axis=1)
-    >>> force = integrate_rates(rate, time).apply([0.0, 0.0, -9.8], inverse=True)
-    >>> force += 0.1 * np.random.default_rng(0).standard_normal(force.shape)
-    >>> own, reversed_x = compare_namings(
-    ...     force, rate, time, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])])
-    ... )
-    >>> bool((own > reversed_x + 10).all())
-    True
     """
     rows, starts = _cut_windows(time)
     # pauses everywhere, as between blocks of a log, or rows that no curve goes through

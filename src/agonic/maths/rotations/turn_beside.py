@@ -70,17 +70,6 @@ def find_turn_beside(readings: Array, down: Array, soft_iron_sd: float) -> TurnB
 
     Parameters: readings (n, 3) in order of time, down (n, 3) in body axes, and how far the sensor's
     matrix may be from its mean gain.
-
-    >>> from scipy.spatial.transform import Rotation
-    >>> rng = np.random.default_rng(0)
-    >>> down, turn = rng.normal(size=(2000, 3)), Rotation.from_euler("z", 30, degrees=True)
-    >>> down /= np.linalg.norm(down, axis=1, keepdims=True)
-    >>> around = np.cross(down, rng.normal(size=3))
-    >>> around /= np.linalg.norm(around, axis=1, keepdims=True)
-    >>> readings = turn.inv().apply(0.8 * down + 0.6 * around) + [0.3, -0.2, 0.1]
-    >>> found = find_turn_beside(readings, down, 0.1)
-    >>> Rotation.from_matrix(found.turn).as_euler("ZYX", degrees=True).round(3).tolist()[0]
-    30.0
     """
     seen = readings - readings.mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum(seen**2, axis=1))))

@@ -87,18 +87,6 @@ def find_memory(sums: Stretches, response: Array, geometries: tuple[slice, ...])
 
     Parameters: `response` Γ (m, m); `geometries`, columns of the directions whose errors are
     alike.
-
-    >>> rng = np.random.default_rng(0)
-    >>> one, mean = np.ones((400, 1)), np.full((1, 1), 1 / 400)
-    >>> slow = np.repeat(rng.normal(size=40), 10)
-    >>> slow -= slow.mean()
-    >>> found = find_memory(Stretches.of(slow, one, one[:, 0], one, 1), mean, (slice(0, 1),))
-    >>> bool(2000 < found.scatter[0, 0] < 8000)
-    True
-    >>> noise = rng.normal(size=400)
-    >>> noise -= noise.mean()
-    >>> find_memory(Stretches.of(noise, one, one[:, 0], one, 1), mean, (slice(0, 1),)) is None
-    True
     """
     k = len(sums.seen)
     if k < FEWEST:

@@ -135,16 +135,6 @@ def compute_inflation(means: RunningBatchMeans, covariance: Array) -> Inflation:
     chance, and at least the mean of all numbers: what one direction shows others may hide. Where
     the longest batches still show more than those half as long, as much more as twice all readings
     would: what wanders is estimated at its middle, and asked for at its end.
-
-    >>> rng = np.random.default_rng(0)
-    >>> w, white = rng.normal(size=(8192, 2)), rng.normal(size=8192)
-    >>> compute_inflation(add(start(2), w, white), np.eye(2)).factor.tolist()
-    [1.0, 1.0]
-    >>> slow = np.repeat(rng.normal(size=64), 128)
-    >>> steady = np.column_stack([np.ones(8192), w[:, 0]])
-    >>> factor, growing = compute_inflation(add(start(2), steady, white + slow), np.eye(2))
-    >>> bool(7 < factor[0] < 16), bool(factor[1] < factor[0]), growing
-    (True, True, False)
     """
     m = len(covariance)
     expected = np.diag(covariance @ means.information[:m, :m] @ covariance)
