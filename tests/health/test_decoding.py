@@ -213,3 +213,14 @@ def test_numbers_of_24_bits_and_a_high_byte_that_lags_are_put_back() -> None:
     found = undo_decoding(ag.Samples(field=late, unit="raw"))
     assert "high byte is that of the reading before" in found.findings[0].what
     assert np.array_equal(found.samples.field, counts[:-1])
+
+
+def test_a_log_mostly_at_rest_with_one_odd_reading_is_not_refused_for_its_rest() -> None:
+    """Most of the readings are one place, and no ellipsoid of their own."""
+    turned, rng = simulate("hand", seed=3).samples.field[:1500], np.random.default_rng(3)
+    pause = turned[700] + 100.0 * rng.normal(size=(6000, 3))
+    whole = np.round(np.concatenate([turned[:700], pause, turned[700:]]) / 75.94) * 75.94
+    whole[2000, 2] = -54.8
+    found = undo_decoding(ag.Samples(field=whole, time=np.arange(len(whole)) / 50.0))
+    assert len(found.samples) >= len(whole) - 2
+    assert ag.calibrate(found.samples, ag.Reference.constant(50_000)).verdict == "good"

@@ -25,7 +25,7 @@ from agonic.health.evidence import FEWEST, MOST_ROWS
 from agonic.health.finding import Finding, figure, sort_findings
 from agonic.health.miscoding import KINDS, WORDS, Kind
 from agonic.health.scale import find_steps
-from agonic.maths.equation.crowding import choose_evenly
+from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows, weigh_places
 from agonic.maths.one_pass import find_length, median
 from agonic.new_rows import find_changed, find_fresh
 from agonic.samples import Samples
@@ -119,10 +119,9 @@ def _find_and_undo(samples: Samples) -> Measured | None:
         rows, field = rows[kept], found.field[kept]
     if not findings:
         return None
-    some = field[choose_evenly(len(field), ENOUGH)]
-    ellipsoid = fit_ellipsoid(some)
-    off = np.minimum(ellipsoid.measure(some) / ellipsoid.radius, 1.0)
-    spread = float(np.sqrt(np.mean(off**2)))
+    over_all = choose_spread_rows(weigh_places(field), most=ENOUGH)  # most rows may be at rest
+    chosen = (choose_evenly(len(field), ENOUGH), over_all)
+    spread = min(_measure_spread(field[each]) for each in chosen)
     if spread > WIDE:
         still = f"undone, they still scatter by {figure(100 * spread)} % of the field"
         raise CoverageError(
@@ -285,6 +284,13 @@ def list_columns(points: Array) -> tuple[Array, Array]:
     x, y, z = points.T
     bends = np.stack([x * x - z * z, y * y - z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
     return bends, np.column_stack([-2 * points, np.ones(len(points))])
+
+
+def _measure_spread(field: Array) -> float:
+    """The rms distance of readings from their ellipsoid over its radius, none counted beyond it."""
+    ellipsoid = fit_ellipsoid(field)
+    off = np.minimum(ellipsoid.measure(field) / ellipsoid.radius, 1.0)
+    return float(np.sqrt(np.mean(off**2)))
 
 
 def hold_shape(rows: int) -> float:

@@ -82,11 +82,6 @@ def average_over_term(
         B = (q/k)^(−k/2) exp((q − k)/2)  where q > k,   else 1
 
     and d is then d (1 − k/q). The others follow d along C_od V⁻¹.
-
-    >>> spread = np.array([[2.0, 1.0], [1.0, 1.0]])
-    >>> found = average_over_term(np.array([1.0, 0.5]), spread, slice(1, 2), 0.1)
-    >>> found.params.tolist(), found.covariance.tolist()  # half a standard error is nothing
-    ([0.5, 0.0], [[1.0, 0.0], [0.0, 0.0]])
     """
     d, spread = params[term], covariance[:, term][term]
     k = len(d)
@@ -111,11 +106,6 @@ def find_move(terms: Array, slopes: Array, covariance: Array) -> tuple[float, fl
 
     Parameters: `terms` (m,), the coefficients K of x; `slopes` (m,), those S of x' = ∂x/∂θ;
     `covariance` (m, m) of the slopes. An infinite standard error where the terms tell nothing.
-
-    >>> import numpy as np
-    >>> move, sd = find_move(np.array([2.0, 4.0]), np.array([0.2, 0.4]), np.eye(2) * 0.2)
-    >>> f"{move:.3f}", f"{sd:.3f}"
-    ('0.100', '0.100')
     """
     weighted = inverse(covariance) @ terms
     information = float(terms @ weighted)
