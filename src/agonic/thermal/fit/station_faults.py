@@ -10,16 +10,16 @@ from agonic.health import Finding, figure
 from agonic.thermal.campaign.description import Told
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
-from agonic.thermal.maths.gaussian_process import STEADY
-from agonic.thermal.maths.station_faults import (
+from agonic.thermal.maths.fault_scores import (
     AGEING,
     ODD,
     SETTLING,
     STEP,
     THERMOMETER,
     UNSETTLED,
-    Fault,
 )
+from agonic.thermal.maths.gaussian_process import STEADY
+from agonic.thermal.maths.station_faults import Fault
 
 _HOUR = 3600.0
 _DIFFERENT = 10.0
@@ -28,17 +28,20 @@ _DIFFERENT = 10.0
 
 def judge_faults(result: Solution, readings: ChamberReadings) -> list[Finding]:
     """Each fault with its place, its time, its size, and what to do."""
-    left_out = [
-        Finding(
-            "odd station",
-            "check",
-            f"{_name_station(place, readings)} does not fit the others at all and was left out",
-            "see whether another sensor was read there, or its axes exchanged, and record it again",
-        )
-        for place in result.faults.left_out
+    return [
+        *(_judge(fault, readings) for fault in result.faults.found),
+        *(_judge_left_out(station, readings) for station in result.faults.left_out),
+        *_find_differing(result, readings),
     ]
-    found = [_judge(fault, readings) for fault in result.faults.found]
-    return [*found, *left_out, *_find_differing(result, readings)]
+
+
+def _judge_left_out(place: int, readings: ChamberReadings) -> Finding:
+    return Finding(
+        "odd station",
+        "check",
+        f"{_name_station(place, readings)} does not fit the others at all and was left out",
+        "see whether another sensor was read there, or its axes exchanged, and record it again",
+    )
 
 
 def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding]:
@@ -70,8 +73,8 @@ _HOLD_LONGER = (
 TOLD: Mapping[str, Told] = {
     ODD: Told(
         "odd station",
-        "at {station} the bias is {amount} away from that of the other stations; the "
-        "calibration is corrected for it",
+        "at {station} the bias is {amount} away from that of the other stations, which the "
+        "standard error contains",
         "see whether iron, a cable or another sensor was there, and record it again or leave it "
         "out",
     ),
@@ -89,19 +92,19 @@ TOLD: Mapping[str, Told] = {
     ),
     SETTLING: Told(
         "settling",
-        "the bias began {amount} off and settled over {hours}; the calibration is corrected for it",
+        "the bias began {amount} off and settled over {hours}, which the standard error contains",
         "let the sensor settle before the first station, or leave the first stations out",
     ),
     THERMOMETER: Told(
         "odd temperature",
-        "at {station} the sensor was {away} °C away from what its thermometer said; the "
-        "calibration is corrected for it",
+        "at {station} the sensor was {away} °C away from what its thermometer said, which the "
+        "standard error contains",
         _HOLD_LONGER,
     ),
     UNSETTLED: Told(
         "odd temperature",
-        "at {station} the sensor was at first {away} °C away from what its thermometer said; "
-        "the calibration is corrected for it",
+        "at {station} the sensor was at first {away} °C away from what its thermometer said, "
+        "which the standard error contains",
         _HOLD_LONGER,
     ),
 }
