@@ -261,7 +261,7 @@ KINDS = (
     Kind("nT wrapped in int16", make_nanotesla, r"wrap"),
     Kind("bytes exchanged", make_swapped, r"bytes .*exchanged|exchanged .*bytes"),
     Kind("low byte signed", make_signed_low, r"low byte .*signed"),
-    Kind("low byte's sign extended", make_extended_low, r"low byte .*sign spread"),
+    Kind("low byte's sign extended", make_extended_low, r"sign of the low byte was extended"),
     Kind("low byte of the one before", make_low_before, r"low byte .*before"),
     Kind("high byte of the one before", make_high_before, r"high byte .*before"),
     Kind("marker among readings", make_marker, r"marker"),

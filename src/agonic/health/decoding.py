@@ -119,9 +119,10 @@ def _find_and_undo(samples: Samples) -> Measured | None:
         rows, field = rows[kept], found.field[kept]
     if not findings:
         return None
-    over_all = choose_spread_rows(weigh_places(field), most=ENOUGH)  # most rows may be at rest
-    chosen = (choose_evenly(len(field), ENOUGH), over_all)
-    spread = min(_measure_spread(field[each]) for each in chosen)
+    some = field[choose_spread_rows(weigh_places(field), most=ENOUGH)]  # most may be at rest
+    ellipsoid = fit_ellipsoid(some)
+    off = np.minimum(ellipsoid.measure(some) / ellipsoid.radius, 1.0)
+    spread = float(np.sqrt(np.mean(off**2)))
     if spread > WIDE:
         still = f"undone, they still scatter by {figure(100 * spread)} % of the field"
         raise CoverageError(
@@ -284,13 +285,6 @@ def list_columns(points: Array) -> tuple[Array, Array]:
     x, y, z = points.T
     bends = np.stack([x * x - z * z, y * y - z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
     return bends, np.column_stack([-2 * points, np.ones(len(points))])
-
-
-def _measure_spread(field: Array) -> float:
-    """The rms distance of readings from their ellipsoid over its radius, none counted beyond it."""
-    ellipsoid = fit_ellipsoid(field)
-    off = np.minimum(ellipsoid.measure(field) / ellipsoid.radius, 1.0)
-    return float(np.sqrt(np.mean(off**2)))
 
 
 def hold_shape(rows: int) -> float:

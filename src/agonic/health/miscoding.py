@@ -116,7 +116,11 @@ KINDS = (
     Kind(
         "carried", lambda n: n + BYTE * (n % BYTE >= BYTE // 2), "the low byte was read as signed"
     ),
-    Kind("", drop_extended, "the sign of the low byte was extended over the high byte"),
+    Kind(
+        "",
+        drop_extended,
+        "readings of which the sign of the low byte was extended over the high byte",
+    ),
     Kind(
         "advanced",
         partial(advance, low_byte=True),
