@@ -11,6 +11,7 @@ from agonic.arrays import Array, Mask
 from agonic.coverage import Coverage
 from agonic.ellipse.maths.conic import compute_turns
 from agonic.ellipse.result import EllipseFit
+from agonic.fit import UNKNOWNS
 from agonic.health import Evidence, Finding, examine, figure, inspect
 from agonic.maths.rotations.tilt import down_from_force, roll_pitch_deg, tilt_from_down
 from agonic.model.posterior import Posterior
@@ -60,7 +61,7 @@ def examine_circle(
         radius=(fit.calibration.magnitude or 1.0) / gain,
         noise=fit.noise,
         coverage=coverage,
-        unknowns=5,
+        unknowns=UNKNOWNS["ellipse"],
         unit=fit.calibration.unit_in,
     )
     left = None

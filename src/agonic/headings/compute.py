@@ -162,29 +162,10 @@ def _make_heading(
     tilt, compasses, used = by_row.tilt, by_row.compasses, by_row.used
     each = zip(*(one.indicated for one in compasses), strict=True)
     found = Indication(*(pick_used(used, values) for values in each))
-    magnetic, variance, random = (
-        found.magnetic_deg,
-        found.systematic + found.random,
-        found.random,
-    )
+    magnetic, random = found.magnetic_deg, found.random
+    variance = found.systematic + random
     apart, disagreeing = compare_compasses(compasses, setup.disagreement_limit_deg)
-    nowhere = np.zeros(n, dtype=bool)
-    far = [nowhere if one.distance is None else one.distance > 1.0 for one in compasses]
-    scaled = [np.full(n, one.compass.calibration.unit_out != RAW) for one in compasses]
-    upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
-    marked = (
-        pick_used(used, [one.readings.missing for one in compasses]),
-        tilt.missing,
-        upright < np.cos(np.radians(setup.tilt_limit_deg)),
-        (found.horizontal < WEAKEST_HORIZONTAL) & pick_used(used, scaled),
-        pick_used(used, far),
-        tilt.unsure,
-        disagreeing,
-    )
-    flags: Mapping[str, Mask] = {
-        name: np.broadcast_to(nowhere if rows is None else rows, n)
-        for name, rows in zip(FLAGS, marked, strict=True)
-    }
+    flags = _flag_rows(setup, by_row, found, disagreeing)
     if smoothed is not None:
         magnetic, variance, random = smoothed.magnetic_deg, smoothed.variance, np.zeros(n)
     sd, random_sd = (
@@ -216,3 +197,25 @@ def _make_heading(
         method=EACH_ROW if smoothed is None else SMOOTHED,
         notes=notes,
     )
+
+
+def _flag_rows(
+    setup: Setup, by_row: RowHeadings, found: Indication, disagreeing: Mask | None
+) -> Mapping[str, Mask]:
+    """The rows that each of `FLAGS` marks."""
+    tilt, compasses, used = by_row.tilt, by_row.compasses, by_row.used
+    nowhere = np.zeros(len(used), dtype=bool)
+    far = [nowhere if one.distance is None else one.distance > 1.0 for one in compasses]
+    scaled = [np.full(len(used), one.compass.calibration.unit_out != RAW) for one in compasses]
+    upright = tilt.tilt.cos_roll * tilt.tilt.cos_pitch
+    marked = (
+        pick_used(used, [one.readings.missing for one in compasses]),
+        tilt.missing,
+        upright < np.cos(np.radians(setup.tilt_limit_deg)),
+        (found.horizontal < WEAKEST_HORIZONTAL) & pick_used(used, scaled),
+        pick_used(used, far),
+        tilt.unsure,
+        disagreeing,
+    )
+    flags = zip(FLAGS, (nowhere if rows is None else rows for rows in marked), strict=True)
+    return {name: np.broadcast_to(rows, nowhere.shape) for name, rows in flags}

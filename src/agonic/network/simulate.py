@@ -74,10 +74,6 @@ def simulate_paper(
     seed : of noise and directions.
 
     Source: Wang, Sheng, He & Cheng (2020), Eqs. 1 and 15–17, doi:10.4236/jcc.2020.86004.
-
-    >>> made = simulate_paper(30.0, noise=0.0)
-    >>> bool(np.allclose(made.samples.field[0], GROUND_BIAS + GROUND_RESPONSE @ made.field[0]))
-    True
     """
     settings = {"kind": "paper", **locals()}
     del settings["duration_s"]
@@ -129,10 +125,6 @@ def simulate_nonaffine(
     saturation : share that a reading along the field is short of. cross : how far the product of
         the two other axes reaches over, as a share of the field. hysteresis : nT.
     seed : of everything random.
-
-    >>> made = simulate_nonaffine(n=500)
-    >>> made.samples.field.shape, round(float(np.linalg.norm(made.field[0])))
-    ((500, 3), 50000)
     """
     settings = {"kind": "nonaffine", **locals()}
     made = simulate("tumble", n=n, rate_Hz=rate_Hz, magnitude=magnitude, noise=0.0, seed=seed)

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Mask
+from agonic.headings.attitude import Attitude
 from agonic.headings.compass_heading import pick_used
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
@@ -30,7 +31,7 @@ from agonic.headings.maths.offset import (
     predict,
     solve,
 )
-from agonic.headings.maths.rest import NO_REST, find_rest, find_still
+from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
 from agonic.headings.rows import CompassRows, RowHeadings
 from agonic.headings.smoothing.errors import (
     STEEPEST,
@@ -130,24 +131,15 @@ def smooth_headings(
     by_lean = np.nan_to_num(across) @ np.linalg.cholesky(found_lean)
     shared = moments.smooth(np.nan_to_num(np.hstack([columns, by_lean])), STEADY_S)
     axes = find_shown_axes(level[moments.rows, 2])
-    rest = NO_REST
-    if force is not None:  # by the compass's heading too
-        still = find_still(time, rate - known, force)[moments.rows].astype(np.float64)
-        turning = moments.average((rate - known)[moments.rows])
-        still = moments.average(still) == 1.0
-        rest = find_rest(moments.time, turning, still, heading, observed.variance)
-    bias_sd = BIAS_SD  # of a filter's what it says of it, doubted
-    if attitude.gyro_bias is not None:
-        bias_sd = min(max(FILTER_DOUBT * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
     observed = observed._replace(
         by_bias=observed.by_bias @ axes @ axes.T,
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
-        bias_sd=bias_sd,
+        bias_sd=_find_bias_sd(attitude),
         # of the calibration only beside a tilt of our own, whose lasting errors are listed: those
         # of a recorded tilt last as the filter that made it pleases, and would be taken for them
         found=shared.shape[1] - 3 if attitude.source == "gyro" else GYRO,
-        rest=rest,
+        rest=_find_rest(time, rate - known, force, (heading, observed.variance), moments),
     )
     # how far errors of the tilt turn the compass that no lean of a sensor makes, rad
     felt = float(np.nanmedian(attitude.variance)) - float(np.trace(found_lean)) / 3.0
@@ -163,6 +155,24 @@ def smooth_headings(
         GAIN_SD * found.gain,
         found.sizes,
     )
+
+
+def _find_bias_sd(attitude: Attitude) -> float:
+    """How well the gyro's bias is known: of a filter's what it says of it, doubted."""
+    if attitude.gyro_bias is None:
+        return BIAS_SD
+    return min(max(FILTER_DOUBT * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
+
+
+def _find_rest(
+    time: Array, rate: Array, force: Array | None, compass: tuple[Array, Array], moments: Moments
+) -> Rest:
+    """Where the log is at rest, by the compass's heading and its variance too."""
+    if force is None:
+        return NO_REST
+    still = find_still(time, rate, force)[moments.rows].astype(np.float64)
+    turning = moments.average(rate[moments.rows])
+    return find_rest(moments.time, turning, moments.average(still) == 1.0, *compass)
 
 
 def _find_sound(one: CompassRows, time: Array) -> Mask:

@@ -84,11 +84,7 @@ def examine(
 def find_period_s(samples: Samples) -> float | None:
     """How long a circular orbit of the height takes, s; None where the log is of no orbit.
 
-        T = 2π √(a³/GM)
-
-    >>> at_500_km = Samples(field=np.ones((3, 3)), altitude_m=np.full(3, 5e5))
-    >>> round(find_period_s(at_500_km))
-    5668
+    T = 2π √(a³/GM)
     """
     if samples.altitude_m is None or np.median(samples.altitude_m) < likely_causes.LOWEST_ORBIT_M:
         return None

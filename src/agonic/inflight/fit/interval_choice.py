@@ -79,11 +79,7 @@ def choose_intervals(
 
 
 def list_candidates(rows: int) -> list[int]:
-    """The numbers of intervals to try.
-
-    >>> list_candidates(500)
-    [0, 1, 2, 4, 8]
-    """
+    """The numbers of intervals to try."""
     doublings = [1 << k for k in range(MOST_INTERVALS.bit_length())]
     return [0, *(k for k in doublings if rows > ROWS_AN_INTERVAL * (k + DEGREE))]
 
@@ -145,11 +141,7 @@ def _compare(candidates: list[int], stretches: Stretches) -> tuple[int, dict[int
 
 
 def compute_certainty(before: Array, after: Array) -> float:
-    """By how many standard errors the squares of residuals of all blocks are smaller than before.
-
-    >>> round(compute_certainty(np.array([9.0, 16, 9, 16]), np.array([1.0, 1, 4, 4])), 1)
-    4.5
-    """
+    """By how many standard errors squares of residuals of all blocks are smaller than before."""
     gained = before - after
     spread = float(np.std(gained, ddof=1)) * np.sqrt(len(gained))
     return float(gained.sum() / max(spread, 1e-300))

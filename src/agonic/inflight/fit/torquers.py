@@ -97,11 +97,6 @@ def is_on(samples: Samples, names: tuple[str, ...]) -> Mask:
 def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
     """How long after a switch residuals are larger than later, s; 0 where they are not: squares in
     the first, second, … reading after it against those long after, by the scatter of these.
-
-    >>> rng = np.random.default_rng(1)
-    >>> since = np.tile(np.arange(50.0), 40)
-    >>> find_settling_s(since, rng.normal(size=2000) * np.where(since < 3, 5.0, 1.0), 1.0)
-    3.0
     """
     number = np.floor(since / step_s + 0.5)
     counted = number[np.isfinite(number)]

@@ -101,13 +101,6 @@ def find_correlated_errors(
 
     Parameters: `white`, variance of one residual; `step_s`, seconds of a stretch; `absorbed`,
     geometries whose mean over the record the fit has taken up, so that residuals lack it.
-
-    >>> rng = np.random.default_rng(1)
-    >>> quiet = Sums.empty(5000, 1, [1])
-    >>> quiet.add(np.arange(5000), np.ones(5000), rng.normal(size=5000), np.ones((5000, 1)),
-    ...           [np.ones((5000, 1))])
-    >>> find_correlated_errors(quiet, 1.0, 1.0)
-    ()
     """
     from scipy.optimize import nnls  # slow to load
 
@@ -152,13 +145,7 @@ def find_correlated_errors(
 
 
 def compute_scatter(sums: Sums, errors: Sequence[CorrelatedError], step_s: float) -> Array:
-    """What they add to the scatter of Σ w r J, (m, m).
-
-    >>> one = Sums.empty(3, 1, [1])
-    >>> one.add(np.arange(3), np.ones(3), np.zeros(3), np.ones((3, 1)), [np.ones((3, 1))])
-    >>> compute_scatter(one, [CorrelatedError(1.0, 1e12, 0)], 1.0).round(6).tolist()
-    [[9.0]]
-    """
+    """What they add to the scatter of Σ w r J, (m, m)."""
     once = np.zeros((sums.jacobian.shape[1],) * 2)
     weight = np.maximum(sums.weight, 1e-300)
     places = np.arange(1024, len(weight), 1024)  # results are the same with any
@@ -212,11 +199,7 @@ def _follow(
 
 
 def _mean_variance(share: float) -> float:
-    """Of the mean of e(t) over a record, τ being a share of it, over the variance of e.
-
-    >>> round(_mean_variance(0.01), 3), round(_mean_variance(100.0), 3)
-    (0.02, 0.997)
-    """
+    """Of the mean of e(t) over a record, τ being a share of it, over the variance of e."""
     return float(2 * share * (1 + share * np.expm1(-1 / share)))
 
 

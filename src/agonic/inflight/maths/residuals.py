@@ -115,14 +115,7 @@ class Layout(NamedTuple):
 
 
 def correct(rows: Rows, params: Array, layout: Layout) -> Array:
-    """The field (n, 3) of readings.
-
-    >>> alone = Rows(np.ones((1, 3)), np.ones(1), None, None, np.ones((1, 1)), np.zeros((1, 0)),
-    ...              np.zeros(1), None)
-    >>> layout = Layout("symmetric", 1, 0)
-    >>> correct(alone, layout.start + 0.5 * (np.arange(12) == 9), layout).tolist()
-    [[0.5, 1.0, 1.0]]
-    """
+    """The field (n, 3) of readings."""
     bias, matrix = affine.split(
         affine.model_basis("full", layout.gauge) @ params[: layout.constants]
     )

@@ -36,14 +36,6 @@ def describe_inflight(
     ----------
     fit : from `fit_inflight`. samples : the readings it was made from, which know where each was
         taken; without them there is no map. title : of the page; default: the sensor.
-
-    >>> from agonic.inflight.fit import fit_inflight
-    >>> from agonic.reference import Reference
-    >>> from agonic.simulation import simulate
-    >>> made = simulate("tumble", n=2000, noise=50.0)
-    >>> fit = fit_inflight(made.samples, Reference.constant(50_000.0))
-    >>> describe_inflight(fit, made.samples, title="<log>").to_html().count("&lt;log&gt;")
-    2
     """
     sd, rms = fit.sd, float(np.sqrt(np.mean(fit.residuals[fit.weights > 0] ** 2)))
     reference, unit = fit.calibration.provenance.settings.get("reference"), fit.change.unit_in
@@ -280,15 +272,7 @@ def _list_key_figures(flight: Flight) -> list[tuple[str, str, str]]:
 
 
 def describe_decomposition(calibration: Affine) -> Mapping[str, str]:
-    """The sensitivity of each axis and how far the axes are from square, with standard errors.
-
-    >>> from numpy import diag, eye
-    >>> found = describe_decomposition(
-    ...     Affine(bias=[0, 0, 0], matrix=diag([2.0, 1.0, 1.0]), covariance=1e-6 * eye(9))
-    ... )
-    >>> found["Scale"].replace("\u00a0", " ")
-    'x 0.50000 ± 0.00025   y 1.0000 ± 0.0010   z 1.0000 ± 0.0010'
-    """
+    """The sensitivity of each axis and how far the axes are from square, with standard errors."""
     found, pairs = decompose(calibration), ("xy", "xz", "yz")
     angles, sds = found.nonorthogonality_deg, found.nonorthogonality_sd_deg
     return {

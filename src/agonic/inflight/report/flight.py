@@ -216,12 +216,7 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
 
 
 def measure_correlated_errors(time: Array, residuals: Array, used: Mask) -> tuple[float, float]:
-    """Of residuals (n,) what is correlated, nT, and for how long, s; 0 and 0 where none is seen.
-
-    >>> white = np.random.default_rng(0).normal(size=5000)
-    >>> measure_correlated_errors(np.arange(5000.0), white, np.ones(5000, dtype=bool))
-    (0.0, 0.0)
-    """
+    """Of residuals (n,) what is correlated, nT, and for how long, s; 0 and 0 where none is seen."""
     n = len(residuals)
     k = min(n, correlated_errors.STRETCHES)
     weights, ones = used.astype(np.float64), np.ones((n, 1))

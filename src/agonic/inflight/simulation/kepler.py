@@ -67,10 +67,6 @@ def compute_state_i(orbit: Orbit, time: Array) -> tuple[Array, Array]:
 
     Node and perigee move by the secular effect of J2: dΩ/dt = −3/2 J2 n (R/p)² cos i and
     dω/dt = 3/4 J2 n (R/p)² (5 cos² i − 1) (Vallado, Fundamentals of Astrodynamics, section 9.6).
-
-    >>> position, velocity = compute_state_i(Orbit(inclination_deg=0.0, node_deg=0.0), np.zeros(1))
-    >>> (position / 1e3).round().ravel().tolist(), velocity[1:].round().ravel().tolist()
-    ([6878.0, 0.0, 0.0], [7613.0, 0.0])
     """
     tilt = np.radians(orbit.inclination_deg)
     e, a, rate = orbit.eccentricity, orbit.semi_major_m, orbit.motion_rad_s

@@ -23,13 +23,7 @@ _ENOUGH = 1000  # readings after which the size of innovations is known
 
 
 def list_findings(state: TrackerState) -> Iterator[Finding]:
-    """What the user should know about a state.
-
-    >>> from agonic.calibration.tracking import TrackerParams
-    >>> from agonic.inflight.tracking import start
-    >>> [finding.name for finding in list_findings(start(None, TrackerParams()))]
-    ['not settled']
-    """
+    """What the user should know about a state."""
     if state.jumps:
         last, unit = state.jumps[-3:], state.base.unit_in
         sizes = ", ".join(
@@ -60,6 +54,12 @@ def list_findings(state: TrackerState) -> Iterator[Finding]:
             f"the bias is not determined yet after {state.n} readings",
             "pass on more readings, in more directions of the field",
         )
+    yield from _judge_readings(state)
+    yield from _judge_errors(state)
+
+
+def _judge_readings(state: TrackerState) -> Iterator[Finding]:
+    """Readings that did not fit, and turns between them that their rates leave open."""
     if state.refused > REFUSED * state.n > 0:
         yield Finding(
             "readings refused",
@@ -77,6 +77,10 @@ def list_findings(state: TrackerState) -> Iterator[Finding]:
             "the bias allows for it, but the delay and with it the field may be further off",
             "record readings and rates more often, or turn more slowly",
         )
+
+
+def _judge_errors(state: TrackerState) -> Iterator[Finding]:
+    """Prediction errors that are correlated, or not as large as stated."""
     factor, growing = state.estimate.inflation
     if state.settled and factor.max() != 1.0:
         larger = figure(float(factor[state.estimate.coefficients[:3]].max()))

@@ -124,34 +124,17 @@ def find_most_probable(
     """The most probable state (10,) of the rows as if nothing moved, the noise, and how far from
     it the bias (3,) is in states nearly as probable: by a chance of √n, for another direction sees
     another component of the noise, whose sum of squares over n readings differs by so much."""
-    own = slice(1, len(prior.diagonal))
-    gaussian = make_gaussian(prior)
+    m, gaussian = len(prior.diagonal) - 1, make_gaussian(prior)
     found: list[tuple[float, Array]] = []
     visited: list[Array] = []
-
-    def measure_sd(about: Array) -> float:
-        """That of a residual: as stated, or as they are."""
-        if state.noise_known:
-            return compute_total_sd(params, state.noise, about)
-        unknowns = min(own.stop - 1, len(rows) - 1)
-        return max(robust_scale(linearise(rows, about)[0], unknowns), 1e-9)
-
-    def with_params(about: Array, values: Array) -> Array:
-        changed = about.copy()
-        changed[0], changed[own] = 0.0, values
-        return changed
-
     for first in _list_starts(state, prior, rows):
-
-        def pieces(values: Array, about: Array = first) -> Iterator[tuple[Array, Array]]:
-            r, jacobian = linearise(rows, with_params(about, values), state.noise)
-            yield r, jacobian[:, : own.stop - 1]
-
-        scale = max(measure_sd(first), robust_scale(linearise(rows, first)[0]))
+        scale = max(
+            _measure_sd(state, params, rows, first, m), robust_scale(linearise(rows, first)[0])
+        )
         for loss in (cauchy(), tukey()):
             solution = leastsq.solve(
-                pieces,
-                first[own],
+                _make_pieces(rows, first, m, state.noise),
+                first[1 : m + 1],
                 scale=scale,
                 loss=loss,
                 prior=gaussian,
@@ -164,21 +147,48 @@ def find_most_probable(
                 break
             if not found:
                 visited.append(solution.params)
-            first = with_params(first, solution.params)
-            scale = measure_sd(first)
+            first = _with_params(first, solution.params)
+            scale = _measure_sd(state, params, rows, first, m)
         else:
             found.append((scale, first))
     common = min(scale for scale, _ in found)
-    costs = []
-    for _, about in found:  # how improbable each is: a robust sum over the rows, and the prior
-        away, _ = gaussian(about[own])
-        q = (linearise(rows, about)[0] / common) ** 2
-        costs.append(float(cauchy().value(q).sum() + away @ away / 2))
+    costs = [_compute_cost(rows, about, gaussian, common, m) for _, about in found]
     best = found[int(np.argmin(costs))][1]
     limit = min(costs) + np.sqrt(len(rows))
     near = [about for (_, about), cost in zip(found, costs, strict=True) if cost < limit]
     far = np.max([np.abs(about[1:4] - best[1:4]) for about in near], axis=0)
-    return best, state.noise if state.noise_known else measure_sd(best), far
+    noise = state.noise if state.noise_known else _measure_sd(state, params, rows, best, m)
+    return best, noise, far
+
+
+def _measure_sd(
+    state: TrackerState, params: TrackerParams, rows: Array, about: Array, m: int
+) -> float:
+    """The standard deviation of a residual: as stated, or as they are, less m unknowns."""
+    if state.noise_known:
+        return compute_total_sd(params, state.noise, about)
+    return max(robust_scale(linearise(rows, about)[0], min(m, len(rows) - 1)), 1e-9)
+
+
+def _compute_cost(rows: Array, about: Array, prior: leastsq.Prior, scale: float, m: int) -> float:
+    """How improbable a state is: a robust sum over the rows, and the prior."""
+    away, _ = prior(about[1 : m + 1])
+    q = (linearise(rows, about)[0] / scale) ** 2
+    return float(cauchy().value(q).sum() + away @ away / 2)
+
+
+def _with_params(state: Array, params: Array) -> Array:
+    changed = state.copy()
+    changed[0], changed[1 : 1 + len(params)] = 0.0, params
+    return changed
+
+
+def _make_pieces(rows: Array, about: Array, m: int, noise: float) -> leastsq.Pieces:
+    def pieces(params: Array) -> Iterator[tuple[Array, Array]]:
+        residuals, jacobian = linearise(rows, _with_params(about, params), noise)
+        yield residuals, jacobian[:, :m]
+
+    return pieces
 
 
 def compute_total_sd(params: TrackerParams, noise: float, about: Array) -> float:

@@ -37,11 +37,7 @@ _SHOWN = 768  # readings in which a memory shows, where none is given
 
 
 def count_until_due(readings: int) -> int:
-    """How many readings until an opening of so many is to be solved.
-
-    >>> count_until_due(0), count_until_due(16), count_until_due(40)
-    (16, 8, 8)
-    """
+    """How many readings until an opening of so many is to be solved."""
     return next(n for n in MOMENTS if n > readings) - readings
 
 
@@ -159,8 +155,8 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     alone = bool((apart < params.gate * after.bias_sd).all())
     magnitude, few = float(rows[-1, 4]), not state.noise_known and len(rows) < _FEWEST
     limit = _CURVED * noise if len(rows) < _PATIENT else _NONLINEAR * total
-    settled = not few and (walked or compute_nonlinearity(estimate, magnitude) < limit)
-    closed = (known or walked) and fitting and alone and settled
+    closed = (known or walked) and fitting and alone and not few
+    closed = closed and (walked or compute_nonlinearity(estimate, magnitude) < limit)
     if not closed and len(rows) < MOMENTS[-1]:
         wide = widen_for_nonlinearity(estimate, prior, apart, magnitude, noise)
         learns = compute_nonlinearity(wide, magnitude) < _NONLINEAR * noise

@@ -94,11 +94,7 @@ def retrain(
 
 
 def span(text: str) -> tuple[str, float]:
-    """Whether a span is in seconds or in readings ("s", "n"), and how long it is.
-
-    >>> span("15s"), span("1.5 h"), span("3000")
-    (('s', 15.0), ('s', 5400.0), ('n', 3000.0))
-    """
+    """Whether a span is in seconds or in readings ("s", "n"), and how long it is."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(s|min|h|d)?\s*", text)
     if not found or float(found[1]) <= 0 or (found[2] is None and "." in found[1]):
         raise AgonicError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields, replace
 
 import numpy as np
@@ -31,61 +32,55 @@ SOME = 500
 def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
     """The fit with findings and remarks."""
     found = [f for f in inspect(samples) if f.name not in ("gaps", "repeated readings")]
+    findings = sort_findings((*found, *_list_findings(fit, samples)))
+    return replace(fit, findings=findings, remarks=_remarks(fit))
+
+
+def _list_findings(fit: NetworkFit, samples: Samples) -> Iterator[Finding]:
+    """What comparison, residuals and training give away."""
     comparison, network = fit.comparison, fit.calibration
     used = np.flatnonzero(np.isfinite(fit.residuals[:, 0]))
     if comparison is not None and comparison.winner == "base":
-        found.append(
-            Finding(
-                "network not needed",
-                "check" if comparison.ratio > 1 / WORTH else "note",
-                comparison.sentence,
-                "use the base; give the network what else changes (temperature, current), or none",
-            )
+        yield Finding(
+            "network not needed",
+            "check" if comparison.ratio > 1 / WORTH else "note",
+            comparison.sentence,
+            "use the base; give the network what else changes (temperature, current), or none",
         )
     some = samples.select(used[:: max(len(used) // SOME, 1)])
     seen, _ = network.evaluated(some.field, select_columns(network, some))
     field = float(np.median(np.linalg.norm(seen, axis=1)))
     if fit.noise >= LARGE * field:
-        found.append(
-            Finding(
-                "targets",
-                "check",
-                f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % "
-                "of the field: the readings hardly follow the reference",
-                "check the times, axes, signs and unit of the reference, and of the attitude with "
-                "it",
-            )
+        yield Finding(
+            "targets",
+            "check",
+            f"{figure(fit.noise)} nT are left on an axis, {figure(100 * fit.noise / field)} % "
+            "of the field: the readings hardly follow the reference",
+            "check the times, axes, signs and unit of the reference, and of the attitude with it",
         )
     share = 1.0 - float((fit.weights[used] > 0).mean())
     if share != 0.0:
-        found.append(
-            Finding(
-                "left out in training",
-                "check" if share > OUTLIERS_DOUBTFUL else "note",
-                f"{figure(100 * share)} % of the readings are outliers and were left out",
-                "look for wrong references, and for readings taken while something was switched",
-            )
+        yield Finding(
+            "left out in training",
+            "check" if share > OUTLIERS_DOUBTFUL else "note",
+            f"{figure(100 * share)} % of the readings are outliers and were left out",
+            "look for wrong references, and for readings taken while something was switched",
         )
     independent = fit.n * fit.residuals.shape[1] / fit.correlation
     if independent < FEW_PER_WEIGHT * network.shape.size:
-        found.append(
-            Finding(
-                "few for a network",
-                "check",
-                f"{network.shape.size} weights rest on {figure(independent)} independent residuals",
-                "record longer, or take fewer hidden nodes",
-            )
+        yield Finding(
+            "few for a network",
+            "check",
+            f"{network.shape.size} weights rest on {figure(independent)} independent residuals",
+            "record longer, or take fewer hidden nodes",
         )
     if not fit.converged:
-        found.append(
-            Finding(
-                "training unfinished",
-                "note",
-                f"training still improved after {fit.iterations} epochs",
-                "raise most_epochs, or take fewer hidden nodes",
-            )
+        yield Finding(
+            "training unfinished",
+            "note",
+            f"training still improved after {fit.iterations} epochs",
+            "raise most_epochs, or take fewer hidden nodes",
         )
-    return replace(fit, findings=sort_findings(found), remarks=_remarks(fit))
 
 
 def _remarks(fit: NetworkFit) -> tuple[str, ...]:

@@ -136,6 +136,13 @@ def train(
         converged = slow >= PATIENCE or worse >= PATIENCE
     if watched is not None:
         state = state._replace(weights=best, sums=_sums(problem, best))
+    return _conclude(problem, state, tuple(epochs), converged)
+
+
+def _conclude(
+    problem: Problem, state: _State, epochs: tuple[Epoch, ...], converged: bool
+) -> Training:
+    """The weights of a state with their covariance."""
     precision = _precision(problem, state.sums, min(state.effective, len(state.weights)))
     information = state.sums.information.copy()
     smallest = 1e-9 * float(np.trace(information)) / len(information)
@@ -146,7 +153,7 @@ def train(
         precision=precision * problem.correlation,
         ridge=state.ridge,
         effective=state.effective,
-        epochs=tuple(epochs),
+        epochs=epochs,
         converged=converged,
     )
 

@@ -68,13 +68,6 @@ def describe_network(
 ) -> Document:
     """A trained network, or its base where that is as good, with the table that it was chosen from
     and the methods of training that were compared, if there are any.
-
-    >>> from agonic.network.fit import fit_network
-    >>> from agonic.network.simulate import simulate_nonaffine
-    >>> made = simulate_nonaffine(n=1000, hysteresis=0.0)
-    >>> found = describe_network(fit_network(made.samples, made.reference), made.samples)
-    >>> found.to_text().splitlines()[0]
-    '✓ bent: good (network of 3 nodes by the vector, 1\\u202f000 readings)'
     """
     network, comparison = fit.calibration, fit.comparison
     won = fit.chosen is network
@@ -136,15 +129,7 @@ def describe_network_file(
     samples: Samples | None = None,
     verification: Verification | None = None,
 ) -> Document:
-    """A calibration file that is a network, or has one as a step, and what it does to readings.
-
-    >>> from agonic.network.fit import fit_network
-    >>> from agonic.network.simulate import simulate_paper
-    >>> made = simulate_paper(15.0)
-    >>> net = fit_network(made.samples, made.reference, compared=False).calibration
-    >>> describe_network_file(net, net).to_html().count("node 3")
-    2
-    """
+    """A calibration file that is a network, or has one as a step, and what it does to readings."""
     sections = []
     if samples is not None and verification is not None:
         sections = [

@@ -34,16 +34,7 @@ _WHY = {
 def describe_retraining(
     retrainer: Retrainer, seen: Correction | None, *, rows: int = 0, title: str = ""
 ) -> Document:
-    """What a retrainer made of a log: `seen` is what its update gave, None where nothing was new.
-
-    >>> from agonic.calibration.retraining import RetrainerParams
-    >>> from agonic.network.simulate import simulate_paper
-    >>> made = simulate_paper(20.0)
-    >>> retrainer = Retrainer(None, RetrainerParams(window_n=500))
-    >>> seen = retrainer.update(made.samples, made.reference)
-    >>> describe_retraining(retrainer, seen, title="<log>").to_html().count("&lt;log&gt;")
-    2
-    """
+    """What a retrainer made of a log: `seen` is what its update gave, None where none was."""
     state, running = retrainer.state, retrainer.state.running
     entries, sections, used, rms, largest = {}, [], 0, nan, nan
     retrainings: tuple[Retraining, ...] = ()

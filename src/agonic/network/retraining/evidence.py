@@ -21,13 +21,7 @@ LARGE = 2.0
 
 
 def list_findings(state: RetrainerState) -> Iterator[Finding]:
-    """What the user should know about a state.
-
-    >>> from agonic.calibration.retraining import RetrainerParams
-    >>> from agonic.network.retraining.schedule import start
-    >>> [finding.name for finding in list_findings(start(None, RetrainerParams()))]
-    ['not trained yet']
-    """
+    """What the user should know about a state."""
     if state.running is None:
         yield Finding(
             "not trained yet",
