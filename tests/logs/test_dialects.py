@@ -39,6 +39,48 @@ SAMPLES = {
         (0, 0, G),
         (np.deg2rad(10), np.deg2rad(-2), 0),
     ),
+    "MotionCal text in units": Sample(
+        "Uni:0.00,0.00,9.80,0.5,-0.25,0,33.90,-6.80,64.90\n"
+        "Uni:4.90,0.00,9.80,0.5,-0.25,0,35.00,-8.20,64.30\n"
+        "Uni:0.00,4.90,9.80,0.5,-0.25,0,36.50,-9.40,63.40\n",
+        (33900, -6800, 64900),
+        "nT",
+        (0, 0, 9.8),
+        (0.5, -0.25, 0),
+    ),
+    "Razor AHRS": Sample(
+        "".join(
+            f"#A-R=1.00,-5.00,25{k}.00\n#M-R={339 + k}.00,-68.00,649.00\n#G-R=1.00,2.00,3.00\n"
+            for k in range(5)
+        ),
+        (339, -68, 649),
+        "raw",
+    ),
+    "Sensorstream": Sample(
+        "".join(
+            f"6890.0{k}, 3,  0.100,-0.200, 9.700, 4,  0.010,-0.020, 0.030, 5, 33.{k}00,-6.800,"
+            "64.900, 85, 1013.2\n"
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+        (0.1, -0.2, 9.7),
+        (0.01, -0.02, 0.03),
+    ),
+    "Android measurements of the Smartphone Decimeter Challenge": Sample(
+        "MessageType,utcTimeMillis,elapsedRealtimeNanos,MeasurementX,MeasurementY,MeasurementZ,"
+        "BiasX,BiasY,BiasZ\n"
+        + "".join(
+            f"UncalAccel,16070000{k}0,{k}000000,0.1,-0.2,9.7,0,0,0\n"
+            f"UncalGyro,16070000{k}1,{k}100000,0.01,-0.02,0.03,0,0,0\n"
+            f"UncalMag,16070000{k}2,{k}200000,33.{k},-6.8,64.9,1,2,3\n"
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+        (0.1, -0.2, 9.7),
+        (0.01, -0.02, 0.03),
+    ),
     "MAVLink as text": Sample(
         "".join(
             f"2025-06-01 10:00:00.{k}0: RAW_IMU {{time_usec : 1000{k}0000, xacc : -13, yacc : -5, "

@@ -12,6 +12,7 @@ N = 40
 FIELD = np.random.default_rng(4).normal(0.0, 30.0, (N, 3)).round(2)
 TIME = np.arange(N) * 0.02
 HEADER = "time_s,mag_x_uT,mag_y_uT,mag_z_uT"
+PAIRS = list(zip(TIME, FIELD, strict=True))
 ROWS = [f"{t:.2f},{x},{y},{z}" for t, (x, y, z) in zip(TIME, FIELD, strict=True)]
 
 
@@ -81,13 +82,76 @@ def test_decimal_commas(tmp_path, between, quote):
 
 
 def test_what_cannot_be_a_number_is_shown(tmp_path):
-    units = [f"{t},{x} uT,{y} uT,{z} uT" for t, (x, y, z) in zip(TIME, FIELD, strict=True)]
-    text = "\n".join(["time_s,mag_x,mag_y,mag_z", *units])
-    with pytest.raises(LogError, match=f"'mag_x' hold no number .* '{FIELD[0, 0]} uT'; write 12.5"):
+    words = [f"{t},{x} bits,{y} bits,{z} bits" for t, (x, y, z) in zip(TIME, FIELD, strict=True)]
+    text = "\n".join(["time_s,mag_x,mag_y,mag_z", *words])
+    said = f"'mag_x' hold no number .* '{FIELD[0, 0]} bits'; write 12.5"
+    with pytest.raises(LogError, match=said):
         read(write(tmp_path, text))
     plain = [",".join(decimal_comma(row)) for row in ROWS]
     with pytest.raises(LogError, match="4 names and the rows have 8 cells: with decimal commas"):
         read(write(tmp_path, "\n".join([HEADER, *plain])))
+
+
+@pytest.mark.parametrize("between", [" ", ""])
+@pytest.mark.parametrize("unit", ["uT", "µT"])
+def test_units_in_the_cells_are_those_of_their_columns(tmp_path, between, unit):
+    cells = ([f"{t:.2f}{between}s", *[f"{v}{between}{unit}" for v in b]] for t, b in PAIRS)
+    text = "\n".join(["time,mag_x,mag_y,mag_z", *map(",".join, cells)])
+    check(read(write(tmp_path, text)))
+
+
+@pytest.mark.parametrize("comma", [True, False])
+@pytest.mark.parametrize("apart", [" ", "\u00a0", "\u202f", "'", "."])
+def test_thousands_apart_as_spreadsheets_write_them(tmp_path, apart, comma):
+    """52 714,5 of French, Russian and German spreadsheets, 52,714.5 of English ones."""
+
+    point, between = (",", apart) if comma else (".", apart.replace(".", ","))
+    marks = {ord(","): between, ord("."): point}
+    rows = (";".join(f"{v:,.2f}".translate(marks) for v in (t, *1e3 * b)) for t, b in PAIRS)
+    check(read(write(tmp_path, "\n".join(["time_s;mag_x_nT;mag_y_nT;mag_z_nT", *rows]))))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "{{'t': {0}, 'mag': ({1}, {2}, {3}), 'temp': None}}",
+        "{{'t': {0}, 'mag': {{'x': {1}, 'y': {2}, 'z': {3}}}}}",
+        "{{'t': np.float64({0}), 'mag': array([{1}, {2}, {3}])}}",
+    ],
+)
+def test_objects_as_python_prints_them(tmp_path, line):
+    text = "\n".join(line.format(f"{t:.2f}", *b) for t, b in PAIRS)
+    samples = read(write(tmp_path, text), unit="uT")
+    check(samples)
+
+
+def test_exponents_of_fortran(tmp_path):
+    rows = (",".join([f"{t:.2f}", *[f"{v:.8E}".replace("E", "D") for v in b]]) for t, b in PAIRS)
+    check(read(write(tmp_path, "\n".join([HEADER, *rows]))))
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Time,Magnetometer,,\n(s),X (uT),Y (uT),Z (uT)",
+        "Time (s),Magnetometer (uT),,\n,X,Y,Z",
+        "Time,Mag,Mag,Mag\n,X,Y,Z\ns,uT,uT,uT",
+    ],
+)
+def test_a_header_over_groups_of_columns(tmp_path, header):
+    check(read(write(tmp_path, "\n".join([header, *ROWS]))))
+
+
+@pytest.mark.parametrize(
+    ("header", "encoding"),
+    [
+        ("時刻(s),磁気センサX(uT),磁気センサY(uT),磁気センサZ(uT)", "shift_jis"),
+        ("시간(s),자기장 X(uT),자기장 Y(uT),자기장 Z(uT)", "cp949"),
+        ("Uhrzeit (s),Magnetfeld X (µT),Magnetfeld Y (µT),Magnetfeld Z (µT)", "latin-1"),
+    ],
+)
+def test_headers_in_the_language_of_the_user(tmp_path, header, encoding):
+    check(read(write(tmp_path, "\n".join([header, *ROWS]), encoding)))
 
 
 def test_minutes_and_seconds_of_a_spreadsheet(tmp_path):

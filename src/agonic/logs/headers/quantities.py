@@ -113,7 +113,7 @@ def _either(words: Iterable[str]) -> str:
 _NAME = _either(NAMES).replace("|magn|", "|magn(?!t[xyz]?$)|")
 """magnT is mag in nT, as mag_nT[0], not magn in T."""
 _BEFORE = "raw|imu|sensor|sensors|field|data|msg|message|header|vehicle|uncal|uncomp|cell"
-_WITHIN = "vector|raw|adc|smooth|uncal|uncomp|buffer|data|values|readings"
+_WITHIN = "vector|raw|adc|out|smooth|uncal|uncomp|buffer|data|values|readings"
 WHOLE_NAME = re.compile(
     rf"(?:imu(?P<imu>\d+)|{_BEFORE})*?"
     rf"(?:(?P<before>[xyz])(?:axis)?)?(?P<name>{_NAME})(?:{_WITHIN})*(?P<number>\d*)(?P<axis>[xyz])?(?:axis)?"

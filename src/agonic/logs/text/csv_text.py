@@ -93,7 +93,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 
         if assigned := read_assigned(lines.data):
             return build_log(assigned, **facts)
-    dialect, said = dialects.find_dialect(lines.head, lines.rows), ""
+    dialect, said = dialects.find_dialect(lines.head, lines.rows or lines.head), ""
     if dialect is None and _most(lines.rows, _TAGGED.match):
         dialect, said = dialects.find_stated_dialect(lines.head)
     if dialect is not None:
@@ -235,9 +235,18 @@ def _read_body(
     if not first:
         raise LogError("there is a header but no row below it")
     header = rename_headers(long_table.name_label(_name_index(layout.header, first), first), title)
+    stated = numbers.find_units(first, len(header))
+    for i, unit in stated.items():
+        known = identify_column(header[i])
+        if known is not None and known.unit is None:
+            header[i] = f"{header[i]} ({unit})"
     vectors = _find_vectors(header, first)
     wanted = find_columns([f"{h}[0]" if i in vectors else h for i, h in enumerate(header)])
-    texts = {i: n for i, n in wanted.items() if i in vectors or _holds_texts(n, i, first)}
+    texts = {
+        i: name
+        for i, name in wanted.items()
+        if i in vectors or (i not in stated and _holds_texts(name, i, first))
+    }
     numeric = [i for i in wanted if i not in texts]
     values = numbers.read_numbers(data, start, layout, numeric)
     coded: list[int] = []

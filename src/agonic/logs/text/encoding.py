@@ -16,7 +16,13 @@ Text = bytes | mmap.mmap
 
 _HEAD = 262_144
 _LONG = 1_000_000
-_ENCODINGS = {"latin-1": "Latin-1", "cp1251": "Windows-1251", "gb18030": "GB 18030"}
+_ENCODINGS = {
+    "latin-1": "Latin-1",
+    "cp1251": "Windows-1251",
+    "gb18030": "GB 18030",
+    "cp932": "Shift JIS",
+    "cp949": "EUC-KR",
+}
 _TAIL = 10_000
 """Bytes before the last line that show how long its numbers should be."""
 _FEWEST = 3

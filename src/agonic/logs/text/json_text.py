@@ -30,6 +30,10 @@ TEXTUAL = ("time", "date", "sensor", "frame", "unit", "target")
 _DEEPEST = 6
 _NO_NUMBER = re.compile(rb"(?<=[\[:,\s])[-+]?(?:NaN|nan|Infinity|inf)(?=\s*[,\]}])")
 """What Python's own writer puts for numbers that are none."""
+_PRINTED = re.compile(rb"\s*[\[(]?\s*\{\s*'")
+_CALL = re.compile(rb"[a-z][\w.]*\(([^()]*)\)")  # array([1.0, 2.0]), np.float64(3.0)
+_FROM_PYTHON = bytes.maketrans(b"'()", b'"[]')
+"""How Python prints what JSON writes otherwise: {'mag': (1.0, 2.0, 3.0)}."""
 _LARGEST = 1_000_000_000
 
 
@@ -91,6 +95,8 @@ def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
     if path.stat().st_size > _LARGEST:
         raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
     data = decode_marked(path.read_bytes())
+    if _PRINTED.match(data):
+        data = _CALL.sub(rb"\1", data).translate(_FROM_PYTHON).replace(b"None", b"null")
     for text in (data, _NO_NUMBER.sub(b"null", data)):
         try:
             return _find_records(msgspec.json.decode(text)), 0

@@ -34,8 +34,16 @@ NUMBER = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 STAMP = r"(?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+"
 """A moment as terminals and loggers write it before a line, to a part of a second."""
 HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
-_NUMERIC = re.compile(rf"{HEXADECIMAL.pattern}|[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
-"""What is a number and no word, though no float: a register, a decimal comma."""
+_NUMERIC = re.compile(
+    rf"{HEXADECIMAL.pattern}|[-+]?\d+,\d+(?:[eE][-+]?\d+)?|[-+]?\d+(?:[\s'’.,]\d{{3}})+(?:[.,]\d*)?"
+    r"|[-+]?\d*\.?\d+[dD][-+]?\d+"
+)
+"""What is a number and no word, though no float: a register, a decimal comma, thousands apart, an
+exponent of Fortran."""
+_POINTS = re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+,\d+")
+"""A decimal comma, and points between the thousands."""
+_COMMAS = re.compile(r"\d,\d{3}\.\d")
+"""A decimal point, and commas between the thousands."""
 LABVIEW = "LabVIEW Measurement"
 SAMPLE = 200
 LONGEST_LINE = 1_000_000
@@ -74,10 +82,11 @@ class Layout:
 
     def split(self, line: str) -> list[str]:
         """The cells of a line, with a decimal point in their numbers."""
-        if self.comma and self.separator != ",":
-            return split_cells(line.replace(",", "."), self.separator)
         cells = split_cells(line, self.separator)
-        return [cell.replace(",", ".") for cell in cells] if self.comma else cells
+        if not self.comma:
+            return cells
+        plain = (cell.replace(".", "") if _POINTS.fullmatch(cell) else cell for cell in cells)
+        return [cell.replace(",", ".") for cell in plain]
 
 
 def holds_values(line: str) -> bool:
@@ -115,7 +124,10 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
     headed = is_header(header)
     comma = _has_decimal_comma([lines[i] for i in sample[at + headed :]], separator)
     if headed:
-        units = split_cells(lines[sample[at + 1]], separator) if at + 1 < len(sample) else []
+        below = [split_cells(lines[i], separator) for i in sample[at + 1 : at + 3]]
+        if below and (joined := _join_groups(header, below[0])):
+            at, header, below = at + 1, joined, below[1:]
+        units = below[0] if below else []
         if _are_units(units, header):
             at += 1
             header = [_with_unit(name, unit) for name, unit in zip(header, units, strict=True)]
@@ -211,7 +223,8 @@ def _example_of(width: int, first: Sequence[str]) -> str:
 def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:
     """Whether numbers have a decimal comma; between commas only such in quotes can."""
     if separator != ",":
-        return any("," in row for row in rows)
+        commas = [row for row in rows if "," in row]
+        return bool(commas) and not any(map(_COMMAS.search, commas))
     quoted = [cell for row in rows if '"' in row for cell in split_cells(row, ",")]
     return any(map(_DECIMAL.fullmatch, quoted)) and not any("." in cell for cell in quoted)
 
@@ -235,9 +248,27 @@ def _find_unit(lines: Sequence[str]) -> str:
     return ""
 
 
+def _join_groups(groups: Sequence[str], names: Sequence[str]) -> list[str]:
+    """The header of names below those of their groups, each of which stands over the first of its
+    columns: Magnetometer over x, y and z; none where that tells no field, or the groups do."""
+    filled = list(groups)
+    for at in range(1, len(filled)):
+        filled[at] = filled[at] or filled[at - 1]
+    if len(names) != len(groups) or len(set(filled)) == len(filled) or not is_header(names):
+        return []
+    joined = [f"{group} {name}".strip() for group, name in zip(filled, names, strict=True)]
+    return joined if _tell_field(joined) and not _tell_field(groups) else []
+
+
+def _tell_field(header: Sequence[str]) -> bool:
+    """Whether three columns are the axes of a field."""
+    found = [column for column in map(identify_column, header) if column is not None]
+    return {column.axis for column in found if column.quantity.column == "field"} == set("xyz")
+
+
 def _are_units(units: Sequence[str], header: Sequence[str]) -> bool:
     """Whether the cells below a header are units that make sense behind the names."""
-    if len(units) != len(header) or not is_header([unit.replace(",", "") for unit in units]):
+    if len(units) != len(header) or not is_header(units):
         return False
     words = [(h, u) for h, u in zip(header, units, strict=True) if u and math.isnan(to_number(u))]
     known = [identify_column(_with_unit(name, unit)) for name, unit in words]

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.logs.contents import to_number
+from agonic.logs.headers.header import is_unit
 from agonic.logs.text.encoding import Text
-from agonic.logs.text.layout import HEXADECIMAL, Layout, holds_values
+from agonic.logs.text.layout import HEXADECIMAL, NUMBER, Layout, holds_values
 
 _BARE = re.compile(r"[0-9a-fA-F]{4}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}")
 _LETTER = re.compile(r"[a-fA-F]")
@@ -68,7 +69,10 @@ def _measure_steps(values: NDArray[np.float64]) -> float:
     return float(np.abs(np.diff(values[np.isfinite(values)])).sum())
 
 
-_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?")
+_GROUPED = re.compile(r"[-+]?\d{1,3}(?:([,\s'’])\d{3})(?:\1\d{3})*(?:\.\d*)?")
+"""A number with something between its thousands."""
+_WITH_UNIT = re.compile(rf"({NUMBER})\s*([^\W\d_][\w/²^]*)")
+_FORTRAN = re.compile(r"([-+]?\d*\.?\d+)[dD]([-+]?\d+)")
 _BLOCK = 2_000_000
 """Bytes parsed at once."""
 _LONG = 3_000_000
@@ -180,13 +184,13 @@ def _read_by_arrow(
 def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array:
     """The numbers in some rows, cell by cell where NumPy does not take them."""
     rows = split_rows(body)
-    if layout.comma and layout.separator != ",":
-        rows = [row.replace(",", ".") for row in rows]
+    comma = layout.comma and layout.separator != ","
     try:
         if not rows or any('"' in row for row in rows):
             raise ValueError("quoted cells are taken apart one by one")
+        plain = [row.replace(",", ".") for row in rows] if comma else rows
         return np.loadtxt(
-            rows, delimiter=layout.separator, usecols=columns, comments=None, ndmin=2, unpack=True
+            plain, delimiter=layout.separator, usecols=columns, comments=None, ndmin=2, unpack=True
         )
     except ValueError:
         split = map(layout.split, rows)
@@ -195,8 +199,25 @@ def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array
 
 
 def _read_cell(cell: str) -> float:
-    """The number in a cell, which may have commas between its thousands."""
+    """The number in a cell, as people and Fortran write it: 52 714.0, 5.27D+04, 52.7 uT."""
     number = to_number(cell)
-    if math.isnan(number) and _THOUSANDS.fullmatch(cell):
-        return float(cell.replace(",", ""))
-    return number
+    if not math.isnan(number):
+        return number
+    if _GROUPED.fullmatch(cell):
+        return float(re.sub(r"[,\s'’]", "", cell))
+    if written := _FORTRAN.fullmatch(cell):
+        return to_number(f"{written[1]}e{written[2]}")
+    stated = _WITH_UNIT.fullmatch(cell)
+    return float(stated[1]) if stated and is_unit(stated[2]) else math.nan
+
+
+def find_units(rows: Sequence[Sequence[str]], width: int) -> dict[int, str]:
+    """The columns in whose cells a unit stands behind the number, and which."""
+    found = {}
+    for at in range(width):
+        cells = [row[at] for row in rows if at < len(row) and row[at]]
+        units = [match[2] if (match := _WITH_UNIT.fullmatch(cell)) else "" for cell in cells]
+        unit, times = Counter(units).most_common(1)[0] if units else ("", 0)
+        if 10 * times >= 9 * len(cells) and unit and is_unit(unit):
+            found[at] = unit
+    return found
