@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.coverage import OPEN_DEG, Coverage, compute_coverage
 from agonic.ellipse.evidence import TURN, examine_circle
 from agonic.ellipse.maths.conic import find_start
 from agonic.ellipse.result import EllipseFit
-from agonic.ellipsoid.problem import Posed, make_calibration_of, pose, rows_of
-from agonic.ellipsoid.solve import average_over_terms, list_numbers
+from agonic.ellipsoid.problem import make_calibration_of, pose, rows_of
+from agonic.ellipsoid.solve import Found, average_over_terms, list_numbers
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import figure
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
-from agonic.maths.equation.maximum_likelihood import Estimate, refine
+from agonic.maths.equation.maximum_likelihood import refine
 from agonic.model.posterior import Posterior, find_posterior
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -77,9 +77,17 @@ def fit_ellipse(
     estimate = refine(problem, find_start(posed.points[:, :2], seed), robust)
     time = None if samples.time is None else samples.time[rows_of(posed.usable)]
     posterior = find_posterior(problem, estimate, time, posed.origin, inclination_deg=0.0)
-    settings = {"fit": "ellipse", "robust": robust, "seed": seed}
-    calibration = _make_calibration(posed, estimate, posterior, samples, place, settings)
-    return _assess(samples, calibration, posed, estimate, posterior, dip_deg)
+    found = average_over_terms(list_numbers(estimate, "ellipse"), posterior)
+    told = "none: mean gain set to 1" if place is None else place.describe()
+    calibration = replace(  # along z the mean gain, so that it can be undone
+        make_calibration_of(samples, found, posed.scale, "symmetric"),
+        provenance=Provenance(
+            inputs=(samples.origin,),
+            settings={"fit": "ellipse", "robust": robust, "seed": seed, "reference": told},
+            method=("huber-1981", "beaton-tukey-1974", "caruso-2000"),
+        ),
+    )
+    return _assess(samples, calibration, posed.usable, found, posterior, dip_deg)
 
 
 def _refuse_few(readings: Array) -> None:
@@ -112,46 +120,23 @@ def _find_place(
     return level, float(np.degrees(np.arctan2(z, h)))
 
 
-def _make_calibration(
-    posed: Posed,
-    estimate: Estimate,
-    posterior: Posterior | None,
-    samples: Samples,
-    place: Reference | None,
-    settings: dict[str, object],
-) -> Affine:
-    """The calibration in the unit of the field; along z the mean gain, so that it can be undone."""
-    found = average_over_terms(list_numbers(estimate, "ellipse"), posterior)
-    told = "none: mean gain set to 1" if place is None else place.describe()
-    return replace(
-        make_calibration_of(samples, found, posed.scale, "symmetric"),
-        provenance=Provenance(
-            inputs=(samples.origin,),
-            settings={**settings, "reference": told},
-            method=("huber-1981", "beaton-tukey-1974", "caruso-2000"),
-        ),
-    )
-
-
 def _assess(
     samples: Samples,
     calibration: Affine,
-    posed: Posed,
-    estimate: Estimate,
+    usable: Mask,
+    found: Found,
     posterior: Posterior | None,
     dip_deg: float | None,
 ) -> EllipseFit:
     """The fit with its evidence."""
-    assert calibration.magnitude is not None
-    assert calibration.noise is not None
-    raw, bias, matrix = samples.field, calibration.bias, calibration.matrix
-    size = np.array([calibration.magnitude])
-    residuals, normals = compute_distances(raw, bias, matrix, size)
+    raw, size = samples.field, np.array([calibration.magnitude])
+    residuals, normals = compute_distances(raw, calibration.bias, calibration.matrix, size)
     weights = np.zeros(len(samples))
-    weights[rows_of(posed.usable)] = estimate.weights
-    used = weights > 0
-    field = calibration.correct(raw)
+    weights[rows_of(usable)] = found.weights
+    used, field = weights > 0, calibration.correct(raw)
     coverage = compute_coverage(calibration, count_visits(field[used]), 0.0)
+    before, after = (np.linalg.norm(one[used], axis=1) for one in (raw, field))
+    assert calibration.noise is not None
     fit = EllipseFit(
         samples=samples,
         calibration=calibration,
@@ -159,21 +144,21 @@ def _assess(
         residuals=residuals,
         weights=weights,
         noise=calibration.noise,
-        correlation=estimate.noise["magnitude"].correlation,
+        correlation=found.correlation,
+        condition=found.condition,
+        iterations=found.iterations,
+        converged=found.converged,
+        coverage=coverage,
         heading_sd_deg=min(coverage.heading_sd_deg, OPEN_DEG),
-        spread_before=_compute_spread(np.linalg.norm(raw[used], axis=1)),
-        spread_after=_compute_spread(np.linalg.norm(field[used], axis=1)),
+        spread_before=float(before.std() / before.mean()),
+        spread_after=float(after.std() / after.mean()),
         inclination_deg=dip_deg,
         shares={} if posterior is None else posterior.list_shares(),
         remarks=_describe(calibration, coverage, dip_deg),
     )
     seen = replace(coverage, filled=fit.seen_deg / 360.0, turns=TURN, of="circle")
-    return fit.with_findings(*examine_circle(fit, posed.usable, normals, posterior, seen))
-
-
-def _compute_spread(magnitude: Array) -> float:
-    """Standard deviation over the mean."""
-    return float(magnitude.std() / magnitude.mean())
+    fit = replace(fit, coverage=seen)
+    return fit.with_findings(*examine_circle(fit, usable, normals, posterior))
 
 
 def _describe(affine: Affine, coverage: Coverage, dip_deg: float | None) -> tuple[str, ...]:

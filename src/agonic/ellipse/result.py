@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 
 from agonic.arrays import Array, Index
-from agonic.calibration.affine import Affine
 from agonic.ellipse.maths.conic import find_sectors, fit_circle
-from agonic.fit import Estimated
-from agonic.health import Finding, sort_findings
+from agonic.fit import Fit
 from agonic.readable import Shown
 from agonic.samples import Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EllipseFit(Estimated):
+class EllipseFit(Fit):
     """A two-axis compass calibrated, and what the calibration rests on.
 
     `calibration` has model "ellipse": its bias along z, and the covariance of that, are 0, and its
@@ -33,34 +30,15 @@ class EllipseFit(Estimated):
     """
 
     samples: Samples
-    calibration: Affine
-    n: Annotated[int, Shown()]
     residuals: Array
     weights: Array
+    n: Annotated[int, Shown()]
     noise: Annotated[float, Shown()]
     correlation: Annotated[float, Shown()]
     heading_sd_deg: Annotated[float, Shown()]
     spread_before: Annotated[float, Shown()]
     spread_after: Annotated[float, Shown()]
     inclination_deg: Annotated[float | None, Shown()] = None
-    shares: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def covariance(self) -> Array:
-        """The covariance (9, 9) of the calibration; of the bias along z it is 0."""
-        return super().covariance
-
-    @property
-    def bias(self) -> Array:
-        """The bias (3,), 0 along z, in the unit of the readings."""
-        return self.calibration.bias
-
-    @property
-    def matrix(self) -> Array:
-        """The matrix (3, 3); of z it says nothing."""
-        return self.calibration.matrix
 
     @cached_property
     def sectors(self) -> Index:
@@ -80,14 +58,3 @@ class EllipseFit(Estimated):
     def seen_deg(self) -> float:
         """How much of the circle was seen."""
         return float(np.count_nonzero(self.sectors)) * 360.0 / len(self.sectors)
-
-    @property
-    def noise_deg(self) -> float:
-        """The noise of one reading as an angle of the heading."""
-        gain = float(np.trace(self.matrix[:2, :2])) / 2
-        return float(np.degrees(self.noise * gain / (self.calibration.magnitude or 1.0)))
-
-    def with_findings(self, *more: Finding | None) -> EllipseFit:
-        """The fit with further findings; a refused fit boasts of no accuracy."""
-        fit = replace(self, findings=sort_findings((*self.findings, *more)))
-        return replace(fit, remarks=()) if fit.verdict == "refused" else fit

@@ -23,7 +23,6 @@ from agonic.health.outliers import check_outliers
 from agonic.health.readings import (
     check_rejected,
     describe,
-    find_usable_rows,
     inspect,
 )
 from agonic.health.scale import (
@@ -33,6 +32,7 @@ from agonic.health.scale import (
     find_quantisation,
     find_rounding,
 )
+from agonic.health.sticking import find_usable_rows
 
 __all__ = [
     "FEWEST",

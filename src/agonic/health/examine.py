@@ -14,7 +14,7 @@ from agonic.health.evidence import (
     SPARE,
     Evidence,
 )
-from agonic.health.finding import Finding, figure
+from agonic.health.finding import Fact, Finding, Told, find_facts
 from agonic.health.outliers import find_outliers
 from agonic.health.states import check_states, spreads_by_direction
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
@@ -38,10 +38,12 @@ def examine(
     plane are no fault of an attitude-aided fit. Without any sign of `changes` two biases are not
     sought, nor, where nobody looked (`None`), among many readings whose residuals are alike in all
     directions; `left` is what terms leave, over the radius."""
-    shape = None if attitude_aided else _static(evidence) or _flat(evidence)
-    few = None if attitude_aided or shape else _few_orientations(evidence)
-    if shape is not None or (few is not None and few.severity == "refuse"):
-        return tuple(finding for finding in (shape, few) if finding is not None)
+    few: list[Finding] = []
+    if not attitude_aided:
+        shape = next(find_facts((STATIC, PLANE), evidence), None)
+        few = [] if shape else [*find_facts([FEW_ORIENTATIONS], evidence)]
+        if shape is not None or any(one.severity == "refuse" for one in few):
+            return (shape,) if shape is not None else tuple(few)
     kept = evidence.weights > 0.0
     changes = len(kept) < ENOUGH if changes is None else changes
     changes = changes or float(kept.mean()) < 1.0 - OUTLIERS_TELLING
@@ -51,12 +53,13 @@ def examine(
         changes = spreads_by_direction(evidence.residuals[some], evidence.normals[some])
     changed = check_states(evidence, left) if changes else None
     if changed is not None:
-        return tuple(finding for finding in (changed, few) if finding is not None)
-    found = (few, _noisy(evidence), find_outliers(evidence))
+        return (changed, *few)
+    outliers = find_outliers(evidence)
+    found = (*few, *find_facts([DISTURBED], evidence), outliers)
     return tuple(finding for finding in found if finding is not None)
 
 
-def _static(e: Evidence) -> Finding | None:
+def _measure_rest(e: Evidence) -> Told:
     """Readings that hardly move: far less than the field would move them, or a ball of noise."""
     some = e.readings[choose_spread_rows(e.crowding, most=MOST_ROWS)]
     low, high = np.percentile(some, (2, 98), axis=0)
@@ -69,33 +72,23 @@ def _static(e: Evidence) -> Finding | None:
     at_rest = spread < 0.1 * known and not too_small
     if not (at_rest or (e.noise > 0.15 * e.radius and looks_like_noise(some))):
         return None
-    return Finding(
-        "static",
-        "refuse",
-        f"the sensor did not turn: its readings move by only ±{figure(spread)} {e.unit}",
-        "turn it slowly about all three axes while recording",
-    )
+    return {"spread": spread, "unit": e.unit}
 
 
-def _few_orientations(e: Evidence) -> Finding | None:
+def _count_few(e: Evidence) -> Told:
     """Held still in few orientations: however often each was read, it says one thing."""
     reach = min(max(8 * e.noise, 0.02 * e.radius), 0.1 * e.radius)
     enough = e.unknowns + SPARE
     count = count_orientations(e.readings[e.weights > 0], reach, enough)
     if count >= enough:
         return None
-    lacking = count < e.unknowns
-    left = "that do not determine it" if lacking else "and hardly any are left to check the result"
-    return Finding(
-        "few orientations",
-        "refuse" if lacking else "check",
-        f"the sensor was held in {count} orientations only; the calibration has {e.unknowns} "
-        f"unknowns, {left}",
-        f"record {enough} orientations or more, well spread, or keep turning the sensor slowly",
-    )
+    told = {"count": count, "unknowns": e.unknowns, "enough": enough}
+    if count < e.unknowns:
+        return told | {"left": "that do not determine it", "severity": "refuse"}
+    return told | {"left": "and hardly any are left to check the result"}
 
 
-def _flat(e: Evidence) -> Finding | None:
+def _measure_plane(e: Evidence) -> Told:
     """Readings in a plane, or nearly: the centre along its normal is not determined."""
     counted = (e.weights > 0) | (e.weights == 0).all()
     used, crowding = e.readings[counted], e.crowding[counted]
@@ -107,30 +100,46 @@ def _flat(e: Evidence) -> Finding | None:
         return None
     axis = describe_axis(normal)
     noise_thickness = 2.4 * e.noise / e.radius
-    in_one_plane = thick < max(0.02, 1.5 * noise_thickness)
-    arc = measure_arc_deg(used)
-    short = in_one_plane and arc < HALF_CIRCLE_DEG
-    tilt = np.degrees(np.arcsin(min(thick, 1.0)))
-    what = f"near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
     move = "tilt the nose up and down and bank by 30° or more at several headings"
-    if in_one_plane:
-        span = f"on an arc of some {round(arc, -1):.0f}° " if short else ""
-        what = f"{span}in one plane (its normal is near {axis})"
-    left = f"bias and gain along {axis} are not determined"
-    if short:
-        left += ", nor well in the plane"
+    if thick >= max(0.02, 1.5 * noise_thickness):
+        tilt = np.degrees(np.arcsin(min(thick, 1.0)))
+        where = f"near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
+        return {"name": "small tilt", "where": where, "axis": axis, "more": "", "move": move}
+    arc, span, more = measure_arc_deg(used), "", ""
+    if arc < HALF_CIRCLE_DEG:
+        span, more = f"on an arc of some {round(arc, -1):.0f}° ", ", nor well in the plane"
         move = "turn all the way round at several headings, with the nose up, down and banked"
-    what = f"all readings lie {what}: {left}"
-    return Finding("plane" if in_one_plane else "small tilt", "refuse", what, move)
+    where = f"{span}in one plane (its normal is near {axis})"
+    return {"where": where, "axis": axis, "more": more, "move": move}
 
 
-def _noisy(e: Evidence) -> Finding | None:
-    if e.noise < NOISE_DOUBTFUL * e.radius:
-        return None
-    return Finding(
-        "disturbed",
-        "check",
-        f"readings scatter by {100 * e.noise / e.radius:.1f} % of the field about the best "
-        "calibration: the field was not the same everywhere",
-        "record away from steel, magnets and currents, keeping the sensor in one place",
-    )
+STATIC = Fact(
+    "static",
+    _measure_rest,
+    "refuse",
+    "the sensor did not turn: its readings move by only ±{spread} {unit}",
+    "turn it slowly about all three axes while recording",
+)
+PLANE = Fact(
+    "plane",
+    _measure_plane,
+    "refuse",
+    "all readings lie {where}: bias and gain along {axis} are not determined{more}",
+    "{move}",
+)
+FEW_ORIENTATIONS = Fact(
+    "few orientations",
+    _count_few,
+    "check",
+    "the sensor was held in {count} orientations only; the calibration has {unknowns} unknowns, "
+    "{left}",
+    "record {enough} orientations or more, well spread, or keep turning the sensor slowly",
+)
+DISTURBED = Fact(
+    "disturbed",
+    lambda e: {"value": e.noise / e.radius, "percent": 100 * e.noise / e.radius},
+    {"check": NOISE_DOUBTFUL},
+    "readings scatter by {percent:.1f} % of the field about the best calibration: the field was "
+    "not the same everywhere",
+    "record away from steel, magnets and currents, keeping the sensor in one place",
+)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -54,13 +54,52 @@ class Finding:
         return f"{self.what}; {self.move}" if self.move else self.what
 
 
-def sort_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
-    """Findings with refusals first and notes last, each kind in its order; None is left out.
+class Number(float):
+    """A number in a sentence: `{n}` has two significant digits, `{n:5}` five, `{n:.1f}` as ever."""
 
-    >>> found = (Finding("gap", "note", ""), None, Finding("drift", "check", ""))
-    >>> [finding.name for finding in sort_findings(found)]
-    ['drift', 'gap']
+    def __format__(self, spec: str) -> str:
+        if spec and not spec.isdecimal():
+            return float(self).__format__(spec)
+        return figure(self, int(spec or 2))
+
+
+Told = Mapping[str, Any] | float | None
+"""A value and what else stands in a sentence, by name; None where there is nothing to say."""
+
+
+class Fact(NamedTuple):
+    """A row of a table of facts: what `measure` finds in a subject is told where its value is above
+    a limit, with the severity of the largest such limit; without limits whenever anything is found.
+    It stands in braces in `what` and `move`; a name, severity or moments in it are the finding's.
     """
+
+    name: str
+    measure: Callable[..., Told]
+    limits: Severity | Mapping[Severity, float]
+    what: str
+    move: str = ""
+
+
+def find_facts(table: Iterable[Fact], *subject: object) -> Iterator[Finding]:
+    """The findings of the rows of a table that are true of a subject."""
+    for fact in table:
+        told = fact.measure(*subject)
+        if told is None:
+            continue
+        words: dict[str, Any] = {"value": told} if isinstance(told, float) else dict(told)
+        severity = words.get("severity", fact.limits)
+        if isinstance(severity, Mapping):
+            above = [one for one, limit in severity.items() if words["value"] > limit]
+            severity = above[-1] if above else None
+        if severity is not None:
+            said = {k: Number(v) if isinstance(v, float) else v for k, v in words.items()}
+            what, move = (text.format(**said) for text in (fact.what, fact.move))
+            name, moments = words.get("name", fact.name), words.get("moments", ())
+            yield Finding(name, severity, what, move, moments)
+
+
+def sort_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
+    """Findings with refusals first and notes last, each kind in its order; None is left out."""
     found = (finding for finding in findings if finding is not None)
     return tuple(sorted(found, key=lambda finding: _GRAVEST_FIRST.index(finding.severity)))
 
@@ -68,9 +107,6 @@ def sort_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
 def verdict_of(findings: Iterable[Finding], *, failed: bool = False) -> Verdict:
     """`good`, `check` or `refused`, by the gravest of the findings; a check that failed counts as
     one to be looked at.
-
-    >>> verdict_of([]), verdict_of([Finding("plane", "refuse", "all readings lie in a plane")])
-    ('good', 'refused')
     """
     severities = {finding.severity for finding in findings}
     if "refuse" in severities:
@@ -83,14 +119,7 @@ NOT_READ = "not read"
 
 
 class Judged(Readable):
-    """A result that says what it is worth: its `findings` give the verdict, its `remarks` figures.
-
-    >>> class Result(Judged):
-    ...     findings = (Finding("static", "refuse", "the sensor did not turn"),)
-    ...     remarks = ("noise 12 nT",)
-    >>> Result().verdict, Result().ok, Result().status
-    ('refused', False, 'The sensor did not turn. Noise 12 nT.')
-    """
+    """A result that says what it is worth: `findings` give the verdict, `remarks` figures."""
 
     findings: tuple[Finding, ...]
     remarks: tuple[str, ...]
@@ -143,13 +172,7 @@ MOST_MOMENTS = 6
 
 
 def describe_moments(rows: Index, time: Array | None) -> str:
-    """The moments of rows (k,) in words, by `time` (n,), the log's clock.
-
-    >>> describe_moments(np.array([2, 5]), 10.0 + np.arange(8.0))
-    'near t = 12.0 s and t = 15.0 s'
-    >>> describe_moments(np.array([2]), None)
-    'near row 2'
-    """
+    """The moments of rows (k,) in words, by `time` (n,), the log's clock."""
     if not len(rows):
         return "for all of the log but its ends"
     named = [
@@ -161,13 +184,7 @@ def describe_moments(rows: Index, time: Array | None) -> str:
 
 
 def describe_stretches(stretches: Index, time: Array | None) -> str:
-    """Stretches (k, 2), first row and last, in words; the longest where there are many.
-
-    >>> describe_stretches(np.array([[2, 5], [6, 7]]), 10.0 + np.arange(8.0))
-    'from t = 12.0 s to 15.0 s and from 16.0 s to 17.0 s'
-    >>> describe_stretches(np.array([[2, 5]]), None)
-    'from row 2 to 5'
-    """
+    """Stretches (k, 2), first row and last, in words; the longest where there are many."""
     longest = (stretches[:, 0] - stretches[:, 1]).argsort(kind="stable")[:MOST_MOMENTS]
     named = list[str]()
     for k in sorted(longest):

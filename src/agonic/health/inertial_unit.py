@@ -15,7 +15,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.health import Finding, figure
-from agonic.health.readings import find_stuck_rows, find_stuck_values
+from agonic.health.sticking import find_stuck_rows, find_stuck_values
 from agonic.health.turning import (
     FEWEST,
     check_gravity_turning,
@@ -69,15 +69,7 @@ def repair(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
 
 
 def leave_out_faulty(samples: Samples) -> tuple[Samples, tuple[Finding, ...]]:
-    """The same for a fit that needs neither: what was left out is to be looked at.
-
-    >>> turning = np.radians(np.linspace(0, 360, 100))
-    >>> field = np.stack([np.cos(turning), -np.sin(turning), np.ones(100)], axis=1)
-    >>> rate_deg_s = [[0, 0, 3.6]] * 100
-    >>> s = Samples(time=np.linspace(0, 100, 100), field=field, rotation_rate=rate_deg_s)
-    >>> leave_out_faulty(s)[0].rotation_rate is None
-    True
-    """
+    """The same for a fit that needs neither: what was left out is to be looked at."""
     clipped = check_clipping(samples)  # which matters to a delay beside it only
     samples, found = repair(samples)
     noted: tuple[Finding, ...] = () if clipped is None else (replace(clipped, severity="note"),)
@@ -244,12 +236,6 @@ def find_stopped_rows(values: Array, others: Sequence[Array]) -> Mask:
 def check_clipping(samples: Samples) -> Finding | None:
     """The finding that the gyro reads one largest rate again and again: it turned faster. Not where
     readings repeat anyway, as those of a coarse gyro do.
-
-    >>> time = np.arange(200) / 10
-    >>> rate = np.clip(np.stack([0.0 * time, 0.0 * time, 2.0 * np.sin(time)], axis=1), -1.0, 1.0)
-    >>> clipped = Samples(time=time, field=np.ones((200, 3)), rotation_rate=rate)
-    >>> check_clipping(clipped).what
-    'the gyro never reads more than 57°/s about z, and just that in 66 % of the rows: it clips'
     """
     rate = samples.rotation_rate
     if rate is None or len(rate) < FEWEST:

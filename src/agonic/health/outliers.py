@@ -169,11 +169,7 @@ def _is_long(stretch: Index, time: Array | None, n: int) -> bool:
 
 
 def check_outliers(count: int, total: int) -> Finding | None:
-    """Readings that the loss left out, so many of all.
-
-    >>> check_outliers(3, 1000).sentence
-    '3 readings (0.3 %) do not fit and were left out'
-    """
+    """Readings that the loss left out, so many of all."""
     if not count:
         return None
     share = count / total

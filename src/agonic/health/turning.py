@@ -118,13 +118,7 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
 
 
 def find_telling(samples: Samples) -> Samples:
-    """The samples, or the stretch of `MOST_ROWS` of them in which most of the time most moves.
-
-    >>> turning = np.sin(np.arange(150_000) / 50) * (np.arange(150_000) > 90_000)
-    >>> moved = Samples(time=np.arange(150_000.0), field=np.outer(turning, np.ones(3)))
-    >>> find_telling(moved).time[[0, -1]].tolist()
-    [90000.0, 149999.0]
-    """
+    """The samples, or the stretch of `MOST_ROWS` of them in which most of the time most moves."""
     n = len(samples)
     if n <= MOST_ROWS:
         return samples

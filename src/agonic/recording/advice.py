@@ -76,11 +76,7 @@ def adapt_fit(fit: Fit, samples: Samples, reference: Reference | None) -> Fit:
 
 
 def lacks_place(samples: Samples, reference: Reference | None) -> bool:
-    """Whether the log tells which way is down, and the field of the place is not known to use it.
-
-    >>> lacks_place(Samples(field=[[1.0, 2, 3]], acceleration=[[0, 0, -9.8]]), None)
-    True
-    """
+    """Whether the log tells which way is down, and no field of the place is known to use it."""
     felt = samples.acceleration is not None
     logged = samples.roll_deg is not None and samples.pitch_deg is not None
     return reference is None and (felt or logged)

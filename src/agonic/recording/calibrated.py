@@ -283,16 +283,6 @@ def calibrate_recording(
     """Calibrate a recording of any length by the magnitude, and verify it on the rows kept of it.
     The calibration uses all readings; held-out parts are judged, and pictures drawn, by some 100
     000 rows that are spread evenly, the `samples` of the result.
-
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> from agonic.logs.large.mission import open_mission
-    >>> from agonic.exports.csv import write_csv
-    >>> from agonic.simulation import simulate
-    >>> with TemporaryDirectory() as folder:
-    ...     path = write_csv(simulate("tumble").samples, Path(folder, "long.csv"))
-    ...     calibrate_recording(open_mission([path]), Reference.constant(50_000)).verdict
-    'good'
     """
     fit, samples = fit_recording_and_rows(recording, reference, **settings)
     kept = ("method", "robust", "soft_iron_sd", "gauge", "seed")

@@ -106,11 +106,7 @@ def list_entries(result: Calibrated) -> dict[str, str]:
 
 
 def _label_source(name: str) -> tuple[str, str]:
-    """A label for the line of a source, and its name after the numbers where that is longer.
-
-    >>> _label_source("throttle^1.5"), _label_source("output1_duty+output2_duty")
-    (('throttle^1.5', ''), ('Duty', ' (the sum of output1…2_duty)'))
-    """
+    """A label for the line of a source, and its name after the numbers where that is longer."""
     plain = re.sub(TIMING, "", name)
     if plain in LABELS:
         return LABELS[plain], f" ({name})"

@@ -89,9 +89,6 @@ def fit_folds(
 def sees_enough(field: Array) -> bool:
     """Whether readings (n, 3) of the field may be fitted alone: they show as many orientations,
     apart by 3 % of it, as bias and a free matrix have unknowns.
-
-    >>> sees_enough(np.eye(3))
-    False
     """
     reach, enough = 0.03 * median(find_length(field)), len(FREE_PARAMETERS)
     return count_orientations(field, reach, enough) == enough
@@ -221,11 +218,6 @@ def find_change(findings: Iterable[Finding]) -> Finding | None:
 def list_parts(changed: Finding, clock: Array) -> list[tuple[Stretch, ...]]:
     """What may be calibrated together, the longest first: most of the log without what came and
     went again, and each stretch alone; what ends with the log, as things are now, counts twice.
-
-    >>> import numpy as np
-    >>> moved = Finding("field changed", "refuse", "the bias moved", moments=(2.0, 9.0))
-    >>> list_parts(moved, np.arange(21.0))[0]
-    ((0.0, 2.0), (9.0, 20.0))
     """
     found = cut_stretches(changed, clock)
     joined = [tuple(every) for every in (found[::2], found[1::2]) if len(every) > 1]

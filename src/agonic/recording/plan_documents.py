@@ -73,11 +73,7 @@ LEVELS = ("a third", "two thirds", "full")
 
 
 def describe_steps(motors: int, others: Sequence[str]) -> Document:
-    """What to do with the vehicle while recording.
-
-    >>> describe_steps(4, ["heater_A"]).values["seconds"]
-    180
-    """
+    """What to do with the vehicle while recording."""
     rows = [["Everything off", f"{STEP_S} s"]]
     for k in range(1, motors + 1):
         rows += [[f"Motor {k} alone at {level}", f"{STEP_S} s"] for level in LEVELS]

@@ -16,9 +16,6 @@ def find_sectors(field: Array) -> Index:
     """Readings in each of the sectors of the circle, (24,), by the direction of the field (n, 2).
 
     Few readings leave sectors empty by chance: they have sectors twice as wide, (12,).
-
-    >>> np.flatnonzero(find_sectors(np.array([[1.0, 0.1], [-1.0, 0.1]]))).tolist()
-    [0, 5]
     """
     angle = np.arctan2(field[:, 1], field[:, 0]) % (2 * np.pi)
     many = SECTORS if len(field) >= FEW else SECTORS // 2
@@ -58,13 +55,7 @@ def find_start(points: Array, seed: int = 0) -> Array:
 
 
 def fit_conic(points: Array) -> Array | None:
-    """The ellipse a x² + b xy + c y² + d x + e y + f = 0 of least squares; None where it is none.
-
-    >>> angle = np.arange(8.0)
-    >>> found = fit_conic(np.stack([1 + np.cos(angle) / 2, 3 + np.sin(angle)], axis=1))
-    >>> found[:4].round(6).tolist()
-    [1.0, 3.0, 2.0, 1.0]
-    """
+    """The ellipse a x² + b xy + c y² + d x + e y + f = 0 of least squares; None where none is."""
     x, y = points.T
     design = np.stack([x * x, x * y, y * y, x, y, np.ones(len(x))], axis=1)
     a, b, c, d, e, f = np.linalg.eigh(design.T @ design)[1][:, 0]

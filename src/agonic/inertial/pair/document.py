@@ -23,12 +23,6 @@ TERM_HEAD = ("", "x", "y", "z")
 def describe_pair(fit: PairFit, sensor: str, following: str = "") -> Document:
     """The calibrations of a sensor and its accelerometer, how each shot fits, and what to add; the
     command `following` is told.
-
-    >>> from agonic.inertial.pair import fit_pair
-    >>> from agonic.inertial.pair.simulate import simulate_shots
-    >>> made = describe_pair(fit_pair(simulate_shots().samples), "mag")
-    >>> print(made.to_text().splitlines()[0])
-    ✓ mag: good (with its accelerometer, from 24 attitudes at rest)
     """
     refused = fit.verdict == "refused"
     said = ["These shots would add most: " + "; ".join(fit.to_add) + "."]

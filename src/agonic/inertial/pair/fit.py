@@ -10,6 +10,7 @@ from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Index
+from agonic.health.finding import find_facts
 from agonic.inertial.maths.shots import (
     DIP,
     MATRIX_M,
@@ -21,7 +22,7 @@ from agonic.inertial.maths.shots import (
     split,
 )
 from agonic.inertial.pair.problem import Problem, Settings, pose
-from agonic.inertial.pair.result import PairFit, Sight, describe, examine, find_prior_only
+from agonic.inertial.pair.result import FACTS, PairFit, Sight, Solved, describe, find_prior_only
 from agonic.inertial.pair.solve import (
     METHOD,
     Solution,
@@ -104,11 +105,7 @@ def _observe(unknowns: Array, theta: Array, up: Array, seen: Array) -> tuple[Arr
 
 
 def describe_attitude(azimuth: float, pitch: float, roll: float) -> str:
-    """An attitude in words.
-
-    >>> describe_attitude(90.0, 0.0, 180.0), describe_attitude(0.0, -45.0, 45.0)
-    ('nose east, level, upside down', 'nose north, 45° down, rolled 45° right')
-    """
+    """An attitude in words."""
     if abs(pitch) == 90:  # the nose has no azimuth, the upper side has
         return f"nose {_PITCHED[pitch]}, turned by {int(azimuth - np.sign(pitch) * roll) % 360}°"
     side = "left" if roll < 0 else "right"
@@ -164,8 +161,8 @@ def fit_pair(
     problem = pose(samples, reference, settings)
     solution = solve(problem)
     fit = _make_fit(samples, reference, settings, problem, solution)
-    disagreeing = find_outlier(solution) is not None
-    fit = replace(fit, findings=tuple(examine(fit, problem, disagreeing)))
+    solved = Solved(fit, problem, find_outlier(solution) is not None)
+    fit = replace(fit, findings=tuple(find_facts(FACTS, solved)))
     return fit if fit.verdict == "refused" else replace(fit, remarks=describe(fit))
 
 

@@ -3,9 +3,8 @@ is wrong or worth knowing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,6 +13,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
 from agonic.health import Finding, Judged, figure
+from agonic.health.finding import Fact, Told
 from agonic.inertial.maths.shots import BIAS_A, BIAS_M, DIP, MATRIX_M, SHAPE_A
 from agonic.inertial.pair.problem import DIP_SD, Problem
 from agonic.inertial.pair.solve import MOST_LEFT_OUT
@@ -102,12 +102,6 @@ class PairFit(Judged):
         return float(np.degrees(share))
 
 
-OPEN_DEG, LOOSE_DEG = 2.0, 0.5
-"""Standard errors of the heading above which it is not determined, and is worth a word."""
-SHAKY, MOVING = 0.02, 0.06
-"""Share of gravity, and of the field, that shots may scatter by: to look at, and too much."""
-UNSTEADY_DEG, ASTRAY_DEG = 1.0, 5.0
-"""Scatter of the sight on a target: to look at, and no target at all."""
 MOSTLY = 0.5
 """A combination is held by the prior where that tells more of it than the shots."""
 _CLEAR = 0.45
@@ -120,90 +114,150 @@ _NAMES = (
 )
 
 
-def examine(fit: PairFit, problem: Problem, disagreeing: bool) -> Iterator[Finding]:
-    """The findings of a fit: shots, scatter, what is open, what the dip says."""
-    if len(fit.left_out):
-        names = ", ".join(str(fit.shot[i]) for i in fit.left_out)
-        one, many = len(fit.left_out) == 1, len(fit.left_out) > MOST_LEFT_OUT / 2 * fit.n
-        which = f"shot {names} does" if one else f"shots {names} do"
-        if disagreeing:
-            what = f"more than a quarter of the shots contradict the others, {names} first"
-            move = "look for iron, a phone or a lamp near it, and for shots that were not at rest"
-            yield Finding("shots disagree", "refuse", what, move)
-        else:
-            yield Finding(
-                "shot left out",
-                "check" if many else "note",
-                f"{which} not fit the others and {'was' if one else 'were'} left out",
-                "repeat it: it was not at rest, off its target, or near iron",
-            )
-    yield from _check_scatter(fit)
-    if problem.missed:
-        names = ", ".join(f"{name:g}" for name in problem.missed)
-        yield Finding(
-            "target missed",
-            "check",
-            f"the sight was not kept on target {names}: so the target was ignored",
-            "roll the instrument about its sight, on the target all the time; 0 is a shot at no "
-            "target",
-        )
-    if fit.sight is not None and fit.sight.scatter_deg >= UNSTEADY_DEG:
-        yield Finding(
-            "sight not kept",
-            "refuse" if fit.sight.scatter_deg > ASTRAY_DEG else "check",
-            f"on one target the sight scatters by {figure(fit.sight.scatter_deg)}°",
-            "keep it on the target through the whole roll, from a fixed spot and a few metres off; "
-            "a shot at no target has the number 0",
-        )
-    add, known = f"add shots: {'; '.join(fit.to_add[:4])}", f"{figure(fit.heading_sd_deg)}°"
-    if fit.heading_sd_deg > OPEN_DEG:
-        what = f"{fit.n} shots leave the heading uncertain by {known}"
-        yield Finding("attitudes missing", "refuse", what, add)
-    elif fit.heading_sd_deg > LOOSE_DEG:
-        yield Finding(
-            "heading loose", "check", f"the standard error of the heading is {known}", add
-        )
-    yield from _check_signs(fit, problem)
+class Solved(NamedTuple):
+    """A fit, the problem that it solves, and whether more shots than may be left out disagree."""
+
+    fit: PairFit
+    problem: Problem
+    disagreeing: bool
 
 
-def _check_scatter(fit: PairFit) -> Iterator[Finding]:
-    """By how much of itself gravity, and the field, scatters from shot to shot."""
-    gain = float(np.cbrt(abs(np.linalg.det(fit.calibration.matrix))))
-    size = float(fit.calibration.magnitude or np.nan) / gain
-    felt = float(fit.noise[0] / (fit.accelerometer.magnitude or np.nan))
-    share = float(fit.noise[1] / size)
-    if felt >= SHAKY:
-        what = f"gravity scatters by {figure(100 * felt)} % from shot to shot"
-        move = "put it down or lean it against something for each shot"
-        yield Finding("not at rest", "refuse" if felt > MOVING else "check", what, move)
-    if share >= SHAKY:
-        what = f"the field scatters by {figure(100 * share)} % from shot to shot"
-        move = "turn the instrument about one spot away from iron, with nothing magnetic on you"
-        yield Finding("field varies", "refuse" if share > MOVING else "check", what, move)
+def _name_contradicting(solved: Solved) -> Told:
+    fit = solved.fit
+    names = ", ".join(str(fit.shot[i]) for i in fit.left_out)
+    return {"names": names} if solved.disagreeing and len(fit.left_out) else None
 
 
-def _check_signs(fit: PairFit, problem: Problem) -> Iterator[Finding]:
-    """What the dip says of the signs of the axes."""
-    if problem.prior.information[DIP, DIP] > 0:
-        if problem.scale.gravity < 0:
-            what = "the log has gravity itself, down, where specific force was expected: "
-            yield Finding("gravity reversed", "note", f"{what}sign changed")
-        expected = float(np.degrees(problem.prior.mean[DIP]))
-        off = abs(fit.free_inclination_deg - expected)
-        if off > 4 * float(np.hypot(fit.free_inclination_sd_deg, np.degrees(DIP_SD))):
-            dip = f"{fit.free_inclination_deg:.1f}°"
-            what = f"the field dips by {dip} and {expected:.1f}° is expected here"
-            move = "check the place, and look for iron: under a roof or in a car the dip differs"
-            yield Finding("dip", "refuse" if off > 15 else "check", what, move)
-    elif fit.inclination_deg <= 0:
-        yield Finding(
-            "field points up",
-            "check",
-            f"the field points up by {-fit.inclination_deg:.1f}°: right in the southern "
-            "hemisphere; elsewhere the log has gravity itself where the specific force belongs, "
-            "and headings turn the wrong way",
-            "say where it was recorded (--at LAT,LON): then the sign is found and corrected",
-        )
+def _name_left_out(solved: Solved) -> Told:
+    fit, count = solved.fit, len(solved.fit.left_out)
+    if solved.disagreeing or not count:
+        return None
+    names = ", ".join(str(fit.shot[i]) for i in fit.left_out)
+    which, were = (f"shot {names} does", "was") if count == 1 else (f"shots {names} do", "were")
+    return {"value": count / fit.n, "which": which, "were": were}
+
+
+def _measure_field(solved: Solved) -> Told:
+    calibration = solved.fit.calibration
+    gain = float(np.cbrt(abs(np.linalg.det(calibration.matrix))))
+    return 100 * float(solved.fit.noise[1]) * gain / float(calibration.magnitude or np.nan)
+
+
+def _measure_gravity(solved: Solved) -> Told:
+    return 100 * float(solved.fit.noise[0] / (solved.fit.accelerometer.magnitude or np.nan))
+
+
+def _measure_heading(solved: Solved) -> Told:
+    fit = solved.fit
+    add = "; ".join(fit.to_add[:4])
+    return {"value": fit.heading_sd_deg, "n": fit.n, "add": f"add shots: {add}"}
+
+
+def _measure_loose(solved: Solved) -> Told:
+    told = _measure_heading(solved)
+    return None if solved.fit.heading_sd_deg > OPEN_DEG else told
+
+
+def _knows_dip(solved: Solved) -> bool:
+    return bool(solved.problem.prior.information[DIP, DIP] > 0)
+
+
+def _measure_dip(solved: Solved) -> Told:
+    fit = solved.fit
+    expected = float(np.degrees(solved.problem.prior.mean[DIP]))
+    off = abs(fit.free_inclination_deg - expected)
+    sure = off > 4 * float(np.hypot(fit.free_inclination_sd_deg, np.degrees(DIP_SD)))
+    if not _knows_dip(solved) or not sure:
+        return None
+    return {"value": off, "dip": fit.free_inclination_deg, "expected": expected}
+
+
+OPEN_DEG = 2.0
+"""Standard error of the heading above which it is not determined."""
+FACTS = (
+    Fact(
+        "shots disagree",
+        _name_contradicting,
+        "refuse",
+        "more than a quarter of the shots contradict the others, {names} first",
+        "look for iron, a phone or a lamp near it, and for shots that were not at rest",
+    ),
+    Fact(
+        "shot left out",
+        _name_left_out,
+        {"note": 0.0, "check": MOST_LEFT_OUT / 2},
+        "{which} not fit the others and {were} left out",
+        "repeat it: it was not at rest, off its target, or near iron",
+    ),
+    Fact(
+        "not at rest",
+        _measure_gravity,
+        {"check": 2.0, "refuse": 6.0},
+        "gravity scatters by {value} % from shot to shot",
+        "put it down or lean it against something for each shot",
+    ),
+    Fact(
+        "field varies",
+        _measure_field,
+        {"check": 2.0, "refuse": 6.0},
+        "the field scatters by {value} % from shot to shot",
+        "turn the instrument about one spot away from iron, with nothing magnetic on you",
+    ),
+    Fact(
+        "target missed",
+        lambda solved: (
+            {"names": ", ".join(f"{name:g}" for name in missed)}
+            if (missed := solved.problem.missed)
+            else None
+        ),
+        "check",
+        "the sight was not kept on target {names}: so the target was ignored",
+        "roll the instrument about its sight, on the target all the time; 0 is a shot at no target",
+    ),
+    Fact(
+        "sight not kept",
+        lambda solved: solved.fit.sight and solved.fit.sight.scatter_deg,
+        {"check": 1.0, "refuse": 5.0},
+        "on one target the sight scatters by {value}°",
+        "keep it on the target through the whole roll, from a fixed spot and a few metres off; a "
+        "shot at no target has the number 0",
+    ),
+    Fact(
+        "attitudes missing",
+        _measure_heading,
+        {"refuse": OPEN_DEG},
+        "{n} shots leave the heading uncertain by {value}°",
+        "{add}",
+    ),
+    Fact(
+        "heading loose",
+        _measure_loose,
+        {"check": 0.5},
+        "the standard error of the heading is {value}°",
+        "{add}",
+    ),
+    Fact(
+        "gravity reversed",
+        lambda solved: {} if _knows_dip(solved) and solved.problem.scale.gravity < 0 else None,
+        "note",
+        "the log has gravity itself, down, where specific force was expected: sign changed",
+    ),
+    Fact(
+        "dip",
+        _measure_dip,
+        {"check": 0.0, "refuse": 15.0},
+        "the field dips by {dip:.1f}° and {expected:.1f}° is expected here",
+        "check the place, and look for iron: under a roof or in a car the dip differs",
+    ),
+    Fact(
+        "field points up",
+        lambda solved: None if _knows_dip(solved) else -solved.fit.inclination_deg,
+        {"check": 0.0},
+        "the field points up by {value:.1f}°: right in the southern hemisphere; elsewhere the log "
+        "has gravity itself where the specific force belongs, and headings turn the wrong way",
+        "say where it was recorded (--at LAT,LON): then the sign is found and corrected",
+    ),
+)
 
 
 def describe(fit: PairFit) -> tuple[str, ...]:

@@ -86,11 +86,7 @@ def _sensor(samples: Samples) -> dict[str, Any]:
 
 
 def _write_number(value: float) -> str:
-    """A number to six digits, its thousands set apart as everywhere.
-
-    >>> _write_number(-42067.25).replace("\u202f", " "), _write_number(5.0)
-    ('−42 067.2', '5')
-    """
+    """A number to six digits, its thousands set apart as everywhere."""
     from agonic.report.digits import MINUS, THIN
 
     return f"{value:,.6g}".replace(",", THIN).replace("-", MINUS)

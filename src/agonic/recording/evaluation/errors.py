@@ -157,11 +157,7 @@ def _find_noise(result: Calibrated) -> dict[str, float]:
 
 
 def _find_heading_noise(noise: dict[str, float], level: float) -> float:
-    """Of a heading, degrees, where the cosine of the dip is `level`.
-
-    >>> round(_find_heading_noise({MAGNITUDE: 1.0, DIP: 0.7}, 0.5), 3)
-    1.341
-    """
+    """Of a heading, degrees, where the cosine of the dip is `level`."""
     own = float(np.degrees(noise[MAGNITUDE] / 100.0))
     tilt = np.sqrt(max(noise[DIP] ** 2 - own**2, 0.0))
     return float(np.hypot(own, np.sqrt(1.0 - level**2) * tilt) / level)
