@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, cast
@@ -22,11 +22,7 @@ from agonic.ellipsoid import Recording, fit_recording_and_rows, open_ellipsoid_p
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, Verdict, sentences, undo_decoding, verdict_of
-from agonic.health.evidence import HEADING_REFUSED_DEG
 from agonic.logs.any_form import Given, as_samples
-from agonic.maths.equation.coverage import find_rms_sd, heading_jacobian_deg
-from agonic.maths.estimation.noise.residuals import robust_scale
-from agonic.maths.one_pass import find_length, median
 from agonic.new_rows import interpolate_repeated
 from agonic.readable import Readable
 from agonic.recording.advice import adapt_fit
@@ -192,8 +188,6 @@ def _calibrate_stretch(
         rows = find_rows(clock, part)
         known = None if reference is None else reference.select(rows)
         try:
-            if not _may_tell(whole, part):
-                continue
             share_latency(samples, some := samples.select(rows))
             _, made = _choose_and_verify(some, known, *_choose_as(whole, some, kind, settings))
         except AgonicError:
@@ -219,29 +213,6 @@ def _choose_as(
         return kind, settings
     given = {"sources": sources} if sources else {}
     return cast("Kind", whole.method), {**given, **settings}
-
-
-def _may_tell(whole: Choice, part: Sequence[Stretch]) -> bool:
-    """Whether a heading by that part of a log, fitted from the whole, is of any use; or may be."""
-    samples = whole.samples
-    if samples.time is None:
-        return True
-    rows = find_rows(samples.time, part)
-    try:
-        fitted = whole.open_parts(samples, whole.reference)(rows)
-    except AgonicError:
-        return True
-    if not isinstance(fitted, Affine) or fitted.covariance is None:
-        return True
-    assert fitted.magnitude is not None
-    size, seen = find_length(correct_field(fitted, samples)[rows]), whole.fit.coverage
-    at = (seen.inclination_deg, fitted.magnitude, fitted.matrix, fitted.gauge, seen.down)
-    by_heading = heading_jacobian_deg(*at)
-    m = by_heading.shape[-1]  # sources on board come after
-    stated = find_rms_sd(by_heading, fitted.covariance[:m, :m])
-    # with the scatter of its own field, for the whole's holds the change
-    own = robust_scale(size - median(size)) * 3 / float(np.trace(fitted.matrix))
-    return float(stated) * own / whole.fit.noise < HEADING_REFUSED_DEG
 
 
 def calibrate_whole(
