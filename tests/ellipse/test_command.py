@@ -39,6 +39,9 @@ def test_from_log_to_heading(tmp_path, capsys, header) -> None:
     assert status == 0
     assert sensor["verdict"] == "good"
     assert np.abs((np.array(sensor["bias"]) - BIAS) / sensor["bias_sd"]).max() < 4
+    assert sorted(sensor["files"]) == [
+        str(out / f) for f in ("mag.json", "report.html", "setup.toml")
+    ]
     assert (out / "report.html").read_text("utf-8").count("<svg") >= 3
     headings = str(tmp_path / "h.csv")
     assert run(["heading", str(out / "setup.toml"), log, *more, "-o", headings]) == 0
@@ -48,9 +51,10 @@ def test_from_log_to_heading(tmp_path, capsys, header) -> None:
     assert np.sqrt(np.mean(off**2)) < 1.0  # noise of a reading: 0.5°
 
 
-def test_a_calibration_alone_is_level_and_a_place_not_needed_to_calibrate(tmp_path) -> None:
+def test_a_calibration_alone_is_level_and_a_place_not_needed_to_calibrate(tmp_path, capsys) -> None:
     log, out = str(write_log(tmp_path / "boat.csv", record(0))), tmp_path / "out"
     assert run(["calibrate", log, "-o", str(out)]) == 0
+    assert "Next" not in capsys.readouterr().out
     headings = str(tmp_path / "h.csv")
     assert run(["heading", str(out / "mag.json"), log, *PLACE, "-o", headings]) == 0
 

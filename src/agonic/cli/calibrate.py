@@ -56,10 +56,10 @@ def calibrate(
     """
     from agonic.console.finish import finish
     from agonic.console.options import list_typed_options
-    from agonic.errors import TwoAxisError, check_choice
+    from agonic.errors import check_choice
     from agonic.health.miscoding import WORDS
     from agonic.recording.document import describe_recording
-    from agonic.recording.each_sensor import calibrate_each
+    from agonic.recording.each_sensor import calibrate_each, refuse_of_two_axes
     from agonic.recording.files import choose_command, write_folder
 
     word = name if name in WORDS else None
@@ -67,40 +67,20 @@ def calibrate(
         check_choice("--as", name, WORDS)
     check_choice("--method", method, ("auto", "ellipsoid", "levelled", "inertial", "vector"))
     folder = out or Path(f"{log.name}-agonic")
-    try:
-        recording, results, failures = calibrate_each(
-            log,
-            which,
-            between,
-            method,
-            place=place,
-            scalar=scalar,
-            course=course,
-            second=second,
-            mounting=mounting,
-            word=word,
-        )
-    except TwoAxisError:
-        from agonic.ellipse.command import calibrate_two_axes  # few logs have two axes
-
-        return calibrate_two_axes(
-            log,
-            folder,
-            which=which,
-            between=between,
-            place=place,
-            asked={
-                f"--method {method}": method != "auto",
-                "--course": course,
-                "--second": second,
-                "--mounting": mounting,
-                "--store": store,
-                "--as": name,
-            },
-            brief=not verbose,
-            as_json=as_json,
-            open_page=show,
-        )
+    recording, results, failures = calibrate_each(
+        log,
+        which,
+        between,
+        method,
+        place=place,
+        scalar=scalar,
+        course=course,
+        second=second,
+        mounting=mounting,
+        word=word,
+    )
+    if any(result.samples.axes == "xy" for result in results):
+        refuse_of_two_axes(log, {"--store": store, "--as": name})
     written = write_folder(
         results, folder, title=recording.source.name, stack=recording.stack, failures=failures
     )

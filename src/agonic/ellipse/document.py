@@ -83,39 +83,9 @@ def draw_residuals(fit: EllipseFit) -> Markup:
 _NAMES = ("bias x", "bias y", "matrix xx", "matrix yy", "matrix xy")
 
 
-def describe_two_axes(
-    fits: Sequence[EllipseFit],
-    *,
-    title: str,
-    files: Sequence[str] = (),
-    failures: Sequence[tuple[str, str]] = (),
-    stale: Sequence[str] = (),
+def describe_ellipse(
+    fit: EllipseFit, files: Sequence[str] = (), warnings: Sequence[str] = ()
 ) -> Document:
-    """What is said and shown of the two-axis compasses of a log.
-
-    Parameters: the fits; what the page is about; the files that were written; the names of
-    sensors that could not be fitted at all, and why; what to say of files of an earlier run.
-    """
-    sensors = [describe_ellipse(fit, files) for fit in fits]
-    sensors += [
-        Document(
-            name=name,
-            verdict="refused",
-            status=why,
-            values={"sensor": name, "method": "ellipse", "verdict": "refused", "status": why},
-        )
-        for name, why in failures
-    ]
-    return Document(
-        schema="agonic/calibrate@1",
-        kind="Calibration of a two-axis compass",
-        name=title,
-        sensors=sensors,
-        remarks=stale,
-    )
-
-
-def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
     """What is said and shown of one two-axis compass; `files` are those written of it."""
     unit = unit_label(fit.calibration.unit_in)
     rows = list_numbers(fit)
@@ -128,6 +98,7 @@ def describe_ellipse(fit: EllipseFit, files: Sequence[str] = ()) -> Document:
         status=fit.status,
         findings=fit.findings,
         move=move,
+        remarks=warnings,
         key_figures=()
         if fit.verdict == "refused"
         else [

@@ -23,6 +23,7 @@ from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, Verdict, sentences, undo_decoding, verdict_of
 from agonic.logs.any_form import Given, as_samples
+from agonic.maths.one_pass import find_length
 from agonic.new_rows import interpolate_repeated
 from agonic.readable import Readable
 from agonic.recording.advice import adapt_fit
@@ -264,6 +265,30 @@ def calibrate_recording(
     )
     why = "the recording is longer than memory: it was read piece by piece"
     return _verify(Choice(samples, reference, fit, "ellipsoid", why, open_parts))
+
+
+def calibrate_level(samples: Samples, reference: Reference | None) -> Calibrated:
+    """Calibrate a two-axis compass that turned level; what was held out is not judged."""
+    from agonic.ellipse.fit import fit_ellipse  # few logs have two axes
+
+    fit = fit_ellipse(samples, reference)
+    verification = Verification(
+        checks=(),
+        spread_before=fit.spread_before,
+        spread_after=fit.spread_after,
+        residual_rms=fit.noise,
+        held_out=None,
+        magnitude_before=find_length(samples.field),
+        magnitude_after=find_length(fit.calibration.correct(samples.field)[:, :2]),
+    )
+    return Calibrated(
+        samples=samples,
+        fit=fit,
+        verification=verification,
+        method="ellipse",
+        reason="the sensor has two axes, and turned level",
+        reference=reference,
+    )
 
 
 def _verify(choice: Choice) -> Calibrated:

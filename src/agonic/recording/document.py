@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
 from agonic.report.section import Block, Section, Table
 from agonic.report.verdict import MEANINGS, WHEN_GOOD, moves, sentence
+
+if TYPE_CHECKING:
+    from agonic.ellipse.result import EllipseFit
 
 SUMMARY = (
     "Sensor",
@@ -160,6 +163,10 @@ def describe_sensor(
     points are drawn of this one."""
     fit, calibration = result.fit, result.fit.calibration
     files, warnings, texts = written or Written([], [])
+    if result.samples.axes == "xy":
+        from agonic.ellipse.document import describe_ellipse  # few logs have two axes
+
+        return describe_ellipse(cast("EllipseFit", fit), files, warnings)
     refused = result.verdict == "refused"
     residuals = cache(lambda: compute_residuals(result))
     latency = "" if result.latency is None else describe_latency(result.latency)

@@ -25,10 +25,15 @@ from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding, figure
 from agonic.health.decoding import read_as
-from agonic.logs.log import Log
+from agonic.logs.log import Log, allow_two_axes
 from agonic.logs.remote import name_locally
 from agonic.maths.one_pass import median
-from agonic.recording.calibrated import Calibrated, calibrate_as_named, calibrate_recording
+from agonic.recording.calibrated import (
+    Calibrated,
+    calibrate_as_named,
+    calibrate_level,
+    calibrate_recording,
+)
 from agonic.recording.mounting import calibrate, turn_back, turn_readings
 from agonic.samples import Samples
 
@@ -183,6 +188,8 @@ def calibrate_each(
         if course:
             samples = with_course(samples)
         reference, settings = find_reference(samples, *place)
+        if samples.axes == "xy":
+            return calibrate_level(samples, reference)
         samples, reference = beside.refer(samples, reference, given=given)
         kind: Any = method
         if turn is None:
@@ -201,9 +208,11 @@ def calibrate_each(
         return calibrate_as_named(samples, reference, **settings)
 
     given = place.at is not None or place.field is not None or method in ATTITUDE
-    with open_beside_scalar(scalar) as beside:
+    with open_beside_scalar(scalar) as beside, allow_two_axes():
         only = None if second else which.sensor
         recording, sensors = open_sensors(log, only, which.unit, between)
+    if any(samples.axes == "xy" for samples in sensors):
+        refuse_of_two_axes(log, all_rows | {"--second": second, "--between": None})
     if word is not None:
         sensors = tuple(read_as(samples, word) for samples in sensors)
     if second not in (None, "auto"):
@@ -214,6 +223,16 @@ def calibrate_each(
     mixed = take_mixes(results, mix, second)
     wanted = None if which.sensor is None else recording.sensor(which.sensor).name
     return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures
+
+
+def refuse_of_two_axes(log: Path, given: Mapping[str, object]) -> None:
+    """Raise `AgonicError` for options, by name, that say nothing of two axes and were given."""
+    for option, value in given.items():
+        if value:
+            raise AgonicError(
+                f"{log.name} holds a two-axis compass, x and y alone, for which {option} does not "
+                "work; leave it out, or say with --columns which column is z"
+            )
 
 
 def _run(

@@ -73,15 +73,16 @@ def _write_all_compasses(results: Sequence[Calibrated], stack: str, folder: Path
 
 def _setup(results: Sequence[Calibrated], written: dict[str, Written], folder: Path) -> list[str]:
     """The setup of the vehicle, for `agonic heading`, where its compasses can be used as such."""
+    level = any(result.samples.axes == "xy" for result in results)
     compasses = {
         result.samples.name: Compass(calibration=result.fit.calibration)
         for result in results
-        if written[result.samples.name].files and result.fit.calibration.unit_out == "nT"
+        if written[result.samples.name].files and (level or result.fit.calibration.unit_out == "nT")
     }
     if not compasses:
         return []
     saved = {name: Path(written[name].files[0]).name for name in compasses}
-    setup = Setup(compasses=tuple(compasses.values()))
+    setup = Setup(compasses=tuple(compasses.values()), tilt="level" if level else "auto")
     return [str(save_setup(setup, folder / "setup.toml", saved=saved))]
 
 
@@ -100,7 +101,7 @@ def _sensor_files(result: Calibrated, stack: str, folder: Path) -> Written:
         calibration = replace(calibration, provenance=origin)
     files, warnings = [str(save(calibration, stem.with_suffix(".json")))], []
     autopilot = (stack,) if stack in TARGETS and not result.samples.corrected else ()
-    for target in ("c", *autopilot):
+    for target in () if result.samples.axes == "xy" else ("c", *autopilot):
         try:
             export = write_target(target, calibration, stem.with_suffix(TARGETS[target].suffix))
         except AgonicError as error:  # raw units have no place in an autopilot, nor a mix of two
@@ -139,13 +140,14 @@ def choose_command(
     setup, first = folder / "setup.toml", usable[0]
     samples = first.samples
     located = samples.latitude_deg is not None and samples.longitude_deg is not None
-    if setup.is_file() and samples.pitch_deg is not None and ("--at" in typed or located):
+    levelled = samples.pitch_deg is not None or samples.axes == "xy"
+    if setup.is_file() and levelled and ("--at" in typed or located):
         place = {name: typed[name] for name in ("--at", "--date") if name in typed}
         if samples.epoch is None:
             place.setdefault("--date", datetime.now(UTC).date().isoformat())
         options = write_options(read | place)
         return f"agonic heading {shlex.quote(str(setup))} {named}{options} -o headings.csv"
-    if first.verdict != "good":
+    if first.verdict != "good" or samples.axes == "xy":  # which agonic apply does not read
         return ""
     calibration = shlex.quote(str(folder / f"{file_stem(samples.name)}.json"))
     return f"agonic apply {calibration} {named}{write_options(read)} -o corrected.csv"
