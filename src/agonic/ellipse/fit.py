@@ -9,9 +9,8 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
 from agonic.coverage import OPEN_DEG, Coverage, compute_coverage
-from agonic.ellipse.evidence import TURN, examine_circle
 from agonic.ellipse.maths.conic import find_start
-from agonic.ellipse.result import EllipseFit
+from agonic.ellipse.result import TURN, EllipseFit, examine_circle
 from agonic.ellipsoid.problem import make_calibration_of, pose, rows_of
 from agonic.ellipsoid.solve import Found, average_over_terms, list_numbers
 from agonic.errors import AgonicError, CoverageError

@@ -19,7 +19,7 @@ from agonic.arrays import Array
 from agonic.attitude.heading_source import with_course
 from agonic.console.options import Place, ScalarChoice, SensorChoice
 from agonic.console.parse import parse_mounting
-from agonic.console.place import find_reference, open_beside_scalar
+from agonic.console.place import Beside, find_reference, open_beside_scalar
 from agonic.console.progress import counting, progress, waiting
 from agonic.console.sensors import open_sensors
 from agonic.errors import AgonicError, CoverageError
@@ -179,35 +179,9 @@ def calibrate_each(
     }
     long = open_missions(log, *which, all_rows)
     if long:
-        results, failures = _run(
-            [(one.head().name, partial(calibrate_mission, one, place)) for one in long]
-        )
+        jobs = [(one.head().name, partial(calibrate_mission, one, place)) for one in long]
+        results, failures = _run(jobs)
         return make_log(long[0], results), results, failures
-
-    def run(samples: Samples) -> Calibrated:
-        if course:
-            samples = with_course(samples)
-        reference, settings = find_reference(samples, *place)
-        if samples.axes == "xy":
-            return calibrate_level(samples, reference)
-        samples, reference = beside.refer(samples, reference, given=given)
-        kind: Any = method
-        if turn is None:
-            return calibrate(samples, reference, kind=kind, **settings)
-        turned = turn_readings(samples, turn)
-        return turn_back(calibrate_as_named(turned, reference, kind=kind, **settings), turn)
-
-    def mix(samples: Samples) -> Calibrated:
-        reference, settings = find_reference(samples, *place)
-        if reference is None:
-            raise AgonicError(
-                "a mix of two magnetometers needs the field of the place: give --at LAT,LON or "
-                "--field"
-            )
-        settings |= {"kind": "interference", "sources": ("second",)}
-        return calibrate_as_named(samples, reference, **settings)
-
-    given = place.at is not None or place.field is not None or method in ATTITUDE
     with open_beside_scalar(scalar) as beside, allow_two_axes():
         only = None if second else which.sensor
         recording, sensors = open_sensors(log, only, which.unit, between)
@@ -217,12 +191,41 @@ def calibrate_each(
         sensors = tuple(read_as(samples, word) for samples in sensors)
     if second not in (None, "auto"):
         recording.sensor(second)  # an error names those that there are
+    run = partial(_calibrate, beside=beside, place=place, kind=method, course=course, turn=turn)
     results, failures = _run([(one.name, partial(run, one)) for one in sensors])
     if second is None:
         return recording, report_pairs(results), failures
-    mixed = take_mixes(results, mix, second)
+    mixed = take_mixes(results, partial(_calibrate_mix, place=place), second)
     wanted = None if which.sensor is None else recording.sensor(which.sensor).name
     return recording, [r for r in mixed if wanted in (None, r.samples.name)], failures
+
+
+def _calibrate(
+    samples: Samples, *, beside: Beside, place: Place, kind: Any, course: bool, turn: Array | None
+) -> Calibrated:
+    """One sensor, by the field of the place and what was recorded beside it."""
+    if course:
+        samples = with_course(samples)
+    reference, settings = find_reference(samples, *place)
+    if samples.axes == "xy":
+        return calibrate_level(samples, reference)
+    given = place.at is not None or place.field is not None or kind in ATTITUDE
+    samples, reference = beside.refer(samples, reference, given=given)
+    if turn is None:
+        return calibrate(samples, reference, kind=kind, **settings)
+    turned = turn_readings(samples, turn)
+    return turn_back(calibrate_as_named(turned, reference, kind=kind, **settings), turn)
+
+
+def _calibrate_mix(samples: Samples, *, place: Place) -> Calibrated:
+    """A sensor mixed with its second."""
+    reference, settings = find_reference(samples, *place)
+    if reference is None:
+        raise AgonicError(
+            "a mix of two magnetometers needs the field of the place: give --at LAT,LON or --field"
+        )
+    settings |= {"kind": "interference", "sources": ("second",)}
+    return calibrate_as_named(samples, reference, **settings)
 
 
 def refuse_of_two_axes(log: Path, given: Mapping[str, object]) -> None:

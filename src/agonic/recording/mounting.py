@@ -9,6 +9,7 @@ turn that is certain becomes part of the calibration, W → R W, with its error.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Mask
 from agonic.attitude.delay import undelayed
 from agonic.attitude.known_heading import MountedHeading, check_turned_sensor
 from agonic.attitude.latency import LatencyFit
@@ -26,7 +27,7 @@ from agonic.calibration.interference import turn_calibration, turn_field
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, figure, find_mounting, find_side, find_usable_rows
-from agonic.health.mounting import FAR_BETTER
+from agonic.health.mounting import FAR_BETTER, RIVAL
 from agonic.inertial.attitude import estimate_attitude
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import FREE, model_basis
@@ -49,8 +50,6 @@ MATTERS_DEG = 1.0
 """A turn that is surely larger is undone; sensors are mounted with such errors."""
 SHARP_DEG = 3.0
 """Standard error of a turn, about any axis, from which it is not undone."""
-RIVAL = 1.5
-"""Any other turn leaves so much more of the vertical part's changes."""
 BETTER = 0.9
 """Of these changes, what a turn that is certain leaves; in a room the field leans from place to
 place, which a turn explains a little of."""
@@ -66,29 +65,26 @@ SMALL_DEG = 45.0
 """A larger turn that is not certain says that nothing is known of it."""
 
 
-def find_turn_of(field: Array, samples: Samples, soft_iron_sd: float) -> TurnBeside | None:
-    """The turn of a sensor whose readings, or calibrated field, are (n, 3) in the rows of samples;
-    None where nothing tells down in enough of them."""
-    down = measure_down(samples)
-    if down is None:
-        return None
-    rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)
+def find_turn_of(
+    field: Array, samples: Samples, seen: tuple[Mask, Array], soft_iron_sd: float
+) -> TurnBeside | None:
+    """The turn of a sensor whose readings, or calibrated field, are (n, 3) in the rows of samples,
+    down in some of them as it was `seen`; None where nothing tells it in enough of them."""
+    rows, down = seen
     some = np.flatnonzero(rows & find_fresh(samples.field))
-    if len(some) < FEWEST:
-        return None
-    return find_turn_beside(field[some], down[some], soft_iron_sd)
+    return find_turn_beside(field[some], down[some], soft_iron_sd) if len(some) >= FEWEST else None
 
 
-def measure_down(samples: Samples) -> Array | None:
-    """Down (n, 3) in body axes by roll and pitch, else as an inertial unit feels it."""
+def measure_down(samples: Samples) -> tuple[Mask, Array]:
+    """Down (n, 3) in body axes by roll and pitch, else as an inertial unit feels it, and the usable
+    rows (n,) in which it is known."""
+    down = np.full((len(samples), 3), np.nan)
     if samples.roll_deg is not None and samples.pitch_deg is not None:
-        return down_b(samples.roll_deg, samples.pitch_deg)
-    if samples.acceleration is None or samples.time is None:
-        return None
-    try:
-        return estimate_attitude(samples).down
-    except AgonicError:
-        return None
+        down = down_b(samples.roll_deg, samples.pitch_deg)
+    elif samples.acceleration is not None and samples.time is not None:
+        with suppress(AgonicError):
+            down = estimate_attitude(samples).down
+    return np.isfinite(down).all(axis=1) & find_usable_rows(samples.field), down
 
 
 def is_certain(found: TurnBeside, least_deg: float, better: float) -> bool:
@@ -116,7 +112,7 @@ def undo_turn(
     if latency is not None and latency.significant and samples.time is not None:
         samples = undelayed(samples, latency.latency_s)
     field = fit.calibration.correct(samples.field)
-    found = find_turn_of(field, samples, LEFT_SD)
+    found = find_turn_of(field, samples, measure_down(samples), LEFT_SD)
     if found is None:
         return fit
     if known and np.degrees(found.sd) < SHARP_DEG:
@@ -302,11 +298,10 @@ def find_turn(samples: Samples, reference: Reference | None) -> TurnBeside | Non
     angle, or, where a vehicle hardly tilts, among those by right angles. The sign of the vertical
     field tells it from reversed axes, where a place is known and it is steep enough; roll counted
     the wrong way round looks like a sensor that lies on its back."""
-    found = find_turn_of(samples.field, samples, SOFT_IRON_SD)
-    down = measure_down(samples)
-    if found is None or down is None:
+    rows, down = seen = measure_down(samples)
+    found = find_turn_of(samples.field, samples, seen, SOFT_IRON_SD)
+    if found is None:
         return None
-    rows = np.isfinite(down).all(axis=1) & find_usable_rows(samples.field)
     readings, down = samples.field[rows], down[rows]
     sure = is_certain(found, LEAST_DEG, FAR_BETTER)
     right = find_nearest(found.turn) if sure else find_mounting(readings, down)
