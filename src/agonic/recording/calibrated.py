@@ -28,7 +28,7 @@ from agonic.new_rows import interpolate_repeated
 from agonic.readable import Readable
 from agonic.recording.advice import adapt_fit
 from agonic.recording.choice.choose import Kind, choose, fall_back
-from agonic.recording.choice.fits import Choice, describe_latency, list_sources
+from agonic.recording.choice.fits import Case, Choice, describe_latency, list_sources
 from agonic.recording.ladder import Rung, build_ladder
 from agonic.recording.parts import (
     CHANCE,
@@ -156,10 +156,10 @@ def calibrate_as_named(
     """`calibrate` along the axes that the readings are named for, whatever their mounting. Where
     the bias changed on the way, a stretch is calibrated: the last, or one that tells enough."""
     meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference, unit))
-    meant = interpolate_repeated(meant)
-    choice, made = _choose_and_verify(meant, known, kind, settings)
+    case = Case(interpolate_repeated(meant), known, settings)
+    choice, made = _choose_and_verify(case, kind)
     if made is None or made.verdict == "refused":
-        made = _calibrate_stretch(meant, known, choice, kind, settings) or made or _verify(choice)
+        made = _calibrate_stretch(case, choice, kind) or made or _verify(choice)
     return made.with_finding(*wrong)
 
 
@@ -172,25 +172,18 @@ def undo_damage(
     return measured.samples, known, measured.findings
 
 
-def _calibrate_stretch(
-    samples: Samples,
-    reference: Reference | None,
-    whole: Choice,
-    kind: Kind,
-    settings: Mapping[str, Any],
-) -> Calibrated | None:
+def _calibrate_stretch(case: Case, whole: Choice, kind: Kind) -> Calibrated | None:
     """The first part without a change of the bias that is not refused, none where it did not."""
-    changed = find_change(whole.fit.findings)
+    changed, samples = find_change(whole.fit.findings), case.samples
     if changed is None:
         return None
     timed = samples.time is not None
     clock = samples.time if samples.time is not None else np.arange(float(len(samples)))
     for part in list_parts(changed, clock)[:_MOST_TRIED]:
-        rows = find_rows(clock, part)
-        known = None if reference is None else reference.select(rows)
         try:
-            share_latency(samples, some := samples.select(rows))
-            _, made = _choose_and_verify(some, known, *_choose_as(whole, some, kind, settings))
+            some = case.select(find_rows(clock, part))
+            share_latency(samples, some.samples)
+            _, made = _choose_and_verify(*_choose_as(whole, some, kind))
         except AgonicError:
             continue
         now = part[-1][1] >= clock[-1]  # which may be checked; what was for a while has to hold
@@ -203,17 +196,14 @@ def _calibrate_stretch(
     return None
 
 
-def _choose_as(
-    whole: Choice, some: Samples, kind: Kind, settings: Mapping[str, Any]
-) -> tuple[Kind, Mapping[str, Any]]:
+def _choose_as(whole: Choice, some: Case, kind: Kind) -> tuple[Case, Kind]:
     """Method and settings of a part: those of the whole, but where that was the magnitude alone,
     the part has other sources on board, or they could not be seen beside the change."""
-    sources, moving = list_sources(whole.fit), list_moving(some)
+    sources, moving = list_sources(whole.fit), list_moving(some.samples)
     seen = bool(sources) and {*moving, "second"}.issuperset(list_columns(sources))
     if whole.method in ("ellipsoid", "interference") or ((moving or sources) and not seen):
-        return kind, settings
-    given = {"sources": sources} if sources else {}
-    return cast("Kind", whole.method), {**given, **settings}
+        return some, kind
+    return some.given(**({"sources": sources} if sources else {})), cast("Kind", whole.method)
 
 
 def calibrate_whole(
@@ -221,20 +211,18 @@ def calibrate_whole(
 ) -> Calibrated:
     """The fit of all rows, or a weaker one where what was recorded beside them is wrong."""
     samples, reference, wrong = undo_damage(samples, reference)
-    choice, made = _choose_and_verify(samples, reference, kind, settings)
+    choice, made = _choose_and_verify(Case(samples, reference, settings), kind)
     return (_verify(choice) if made is None else made).with_finding(*wrong)
 
 
-def _choose_and_verify(
-    samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
-) -> tuple[Choice, Calibrated | None]:
+def _choose_and_verify(case: Case, kind: Kind) -> tuple[Choice, Calibrated | None]:
     """The choice for all rows, or a weaker one that is not refused, and its result. None where the
     fit itself is refused, whatever held-out parts would say of it."""
-    choice = choose(samples, reference, kind, settings)
+    choice = choose(case.samples, case.reference, kind, case.settings)
     fit, made = _verify_unless_refused(choice)
     if kind != "auto" or choice.method == "ellipsoid" or fit.verdict != "refused":
         return choice, made
-    other = fall_back(replace(choice, fit=fit), samples, reference, settings)
+    other = fall_back(replace(choice, fit=fit), case)
     if other.method == choice.method:
         return choice, made
     fit, by_less = _verify_unless_refused(other)

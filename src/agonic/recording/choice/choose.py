@@ -16,6 +16,7 @@ from agonic.health.finding import Severity
 from agonic.health.inertial_unit import find_stopped_readings, leave_out_faulty
 from agonic.inertial.evidence import check_felt_dip
 from agonic.recording.choice.fits import (
+    Case,
     Choice,
     fit_alone,
     fit_beside_attitude,
@@ -32,20 +33,19 @@ SURE_DEG = 0.3
 """A heading that is known to this by the magnitude alone needs nothing else."""
 
 
-def choose_surer(
-    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
-) -> Choice:
+def choose_surer(case: Case, reason: str) -> Choice:
     """The fit beside accelerometer and gyro, or that by the magnitude alone where it is as sure.
     Raises `CoverageError` where the log determines neither."""
     enough = "the magnitude alone determines the calibration as well as with the attitude"
+    lacks_dip = _lacks_dip(case.reference)
     try:
-        alone: Choice | None = fit_alone(samples, reference, settings)
+        alone: Choice | None = fit_alone(case)
     except CoverageError:
         alone = None
-    if alone is not None and _lacks_dip(reference):
-        alone = join_disturbers(alone, samples, reference, alone.reason, settings)
+    if alone is not None and lacks_dip:
+        alone = join_disturbers(alone, case, alone.reason)
     if alone is not None and alone.fit.verdict != "refused":
-        opposite = check_felt_dip(alone.fit, samples, reference)
+        opposite = check_felt_dip(alone.fit, case.samples, case.reference)
         if opposite is not None:
             return replace(alone, fit=alone.fit.with_findings(opposite), reason=enough)
     if alone is not None:
@@ -53,18 +53,17 @@ def choose_surer(
         if sure or "static" in find_causes(alone):  # what never turned blames no other sensor
             return replace(alone, reason=enough)
     try:
-        aided = fit_beside_unit(samples, reference, reason, settings)
+        aided = fit_beside_unit(case, reason)
     except CoverageError:
-        return replace(alone or fit_alone(samples, reference, settings), reason=enough)
+        return replace(alone or fit_alone(case), reason=enough)
     except LogError:  # of what is wrong with the acceleration the other fit tells too
         if alone is None:
             raise
         return replace(alone, reason=enough)
     if alone is None:
         return aided
-    if _lacks_dip(reference) and aided.fit.verdict != "refused" and not list_sources(alone.fit):
-        at_dip = {"inclination_deg": aided.fit.coverage.inclination_deg, **settings}
-        alone = fit_alone(samples, reference, at_dip)
+    if lacks_dip and aided.fit.verdict != "refused" and not list_sources(alone.fit):
+        alone = fit_alone(case.given(inclination_deg=aided.fit.coverage.inclination_deg))
     ranks = [("good", "check", "refused").index(one.fit.verdict) for one in (aided, alone)]
     surer = ranks[0] < ranks[1]
     if ranks[0] == ranks[1]:
@@ -79,12 +78,10 @@ def choose_surer(
     return replace(alone, reason=enough)
 
 
-def fit_beside_unit(
-    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
-) -> Choice:
+def fit_beside_unit(case: Case, reason: str) -> Choice:
     """The fit beside accelerometer and gyro; what disturbs on board is chosen by a known field."""
-    given = {"sources": (), **settings} if _lacks_dip(reference) else settings
-    return fit_beside_attitude(samples, reference, "inertial", reason, given)
+    given = case.given(sources=()) if _lacks_dip(case.reference) else case
+    return fit_beside_attitude(given, "inertial", reason)
 
 
 def _lacks_dip(reference: Reference | None) -> bool:
@@ -108,30 +105,24 @@ def choose(
     """The fit that a log allows, or the one that was asked for; without readings of a sensor that
     had stopped."""
     check_choice("kind", kind, get_args(Kind))
-    spoilt = find_stopped_readings(samples)
+    case, spoilt = Case(samples, reference, settings), find_stopped_readings(samples)
     if spoilt is None:
-        return _choose(samples, reference, kind, settings)
+        return _choose(case, kind)
     rows, finding = spoilt
-    reference = None if reference is None else reference.select(~rows)
-    chosen = _choose(samples.select(~rows), reference, kind, settings)
+    chosen = _choose(case.select(~rows), kind)
     return replace(chosen, fit=chosen.fit.with_findings(finding))
 
 
-def _choose(
-    samples: Samples, reference: Reference | None, kind: Kind, settings: Mapping[str, Any]
-) -> Choice:
+def _choose(case: Case, kind: Kind) -> Choice:
+    samples, reference, _ = case
     method, reason = (
         _choose_method(samples, reference) if kind == "auto" else (kind, "as asked for")
     )
     if method == "ellipsoid":
-        alone = fit_magnitude(samples, reference, reason, settings)
-        if kind != "auto":
-            return alone
-        return join_disturbers(alone, samples, reference, reason, settings)
-    if kind == "auto" and method == "inertial":
-        return choose_surer(samples, reference, reason, settings)
+        alone = fit_magnitude(case, reason)
+        return join_disturbers(alone, case, reason) if kind == "auto" else alone
     if method == "inertial":
-        return fit_beside_unit(samples, reference, reason, settings)
+        return (choose_surer if kind == "auto" else fit_beside_unit)(case, reason)
     if reference is None:
         raise AgonicError(
             f"{method}: this fit needs the field of the place: give it (--at LAT,LON, --date), or "
@@ -141,11 +132,11 @@ def _choose(
         by, told = kind, replace(doubt, severity="refuse")
         if kind == "auto":  # roll and pitch are left, and that fit has no use for the heading
             by, reason, told = "levelled", doubt.what, replace(doubt, severity="note")
-        chosen = fit_beside_attitude(samples, reference, by, reason, settings)
+        chosen = fit_beside_attitude(case, by, reason)
         return replace(chosen, fit=chosen.fit.with_findings(told))
-    aided = fit_beside_attitude(samples, reference, method, reason, settings)
+    aided = fit_beside_attitude(case, method, reason)
     if kind == "auto" and aided.fit.verdict == "refused":
-        return fall_back(aided, samples, reference, settings)
+        return fall_back(aided, case)
     return aided
 
 
@@ -185,26 +176,24 @@ NOT_OF_THE_MAGNETOMETER = {"attitude", "heading", "mounting", "correlated noise"
 """Reasons to refuse a fit that do not concern one that knows the magnitude only, or need not."""
 
 
-def fall_back(
-    aided: Choice, samples: Samples, reference: Reference | None, settings: Mapping[str, Any]
-) -> Choice:
+def fall_back(aided: Choice, case: Case) -> Choice:
     """A fit without what was recorded wrongly: without the heading, then without roll and pitch.
     Where anything else refuses a fit, one that knows less would be refused too, or should be."""
+    samples = case.samples
     recorded = samples.roll_deg is not None and samples.pitch_deg is not None
     if (
-        reference is not None
+        case.reference is not None
         and recorded
         and aided.method == "vector"
         and {"heading", "mounting"} & find_causes(aided)
         and find_causes(aided) <= NOT_OF_THE_MAGNETOMETER
     ):
-        levelled = fit_beside_attitude(samples, reference, "levelled", "", settings)
-        aided = carry_refusal(levelled, aided)
+        aided = carry_refusal(fit_beside_attitude(case, "levelled", ""), aided)
     causes = find_causes(aided)
     if not causes or not causes <= NOT_OF_THE_MAGNETOMETER:
         return aided
     try:
-        alone = fit_alone(samples, reference, settings)
+        alone = fit_alone(case)
     except CoverageError:
         return aided
     return aided if alone.fit.verdict == "refused" else carry_refusal(alone, aided)

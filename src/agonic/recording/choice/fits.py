@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from agonic.arrays import Index, Mask
 from agonic.attitude.delay import find_and_undo
 from agonic.attitude.disturbers.choice import (
     SourceChoice,
@@ -55,6 +56,23 @@ ENOUGH = 10_000
 """Rows that parts of a log are fitted to, together."""
 
 
+class Case(NamedTuple):
+    """What is to be fitted: samples, their reference, and the settings of a fit."""
+
+    samples: Samples
+    reference: Reference | None
+    settings: Mapping[str, Any]
+
+    def select(self, rows: Index | Mask) -> Case:
+        """The same of some rows."""
+        reference = None if self.reference is None else self.reference.select(rows)
+        return self._replace(samples=self.samples.select(rows), reference=reference)
+
+    def given(self, **settings: Any) -> Case:
+        """The same with these settings where none are asked for."""
+        return self._replace(settings={**settings, **self.settings})
+
+
 @dataclass(frozen=True, eq=False)
 class Choice:
     """A fit with the word for its method and the reason for choosing it. `samples` are those that
@@ -87,12 +105,10 @@ def describe_latency(latency: LatencyFit) -> str:
     return f"The {what}; the calibration keeps it."
 
 
-def fit_magnitude(
-    samples: Samples, reference: Reference | None, reason: str, settings: Mapping[str, Any]
-) -> Choice:
+def fit_magnitude(case: Case, reason: str) -> Choice:
     """The fit to the magnitude, and what it does not see but matters to a heading: its axes, its
     latency, what is wrong with accelerometer and gyro."""
-    recorded, (samples, wrong) = samples, leave_out_faulty(samples)
+    (recorded, reference, settings), (samples, wrong) = case, leave_out_faulty(case.samples)
     plain = fit_ellipsoid(samples, reference, **settings)
     fit = check_by_gravity(plain, samples, reference)
     if fit.verdict == "refused":  # then what was recorded wrongly is the first thing to know
@@ -104,34 +120,29 @@ def fit_magnitude(
     return Choice(samples, reference, fit, "ellipsoid", reason, parts, ask_latency)
 
 
-def fit_alone(samples: Samples, reference: Reference | None, settings: Mapping[str, Any]) -> Choice:
+def fit_alone(case: Case) -> Choice:
     """The fit to the magnitude, by those settings of a fit beside the attitude that it has too."""
-    own = {name: settings[name] for name in settings if name not in ("sources", "turn_sd_deg")}
-    return fit_magnitude(samples, reference, "", own)
+    own = {k: v for k, v in case.settings.items() if k not in ("sources", "turn_sd_deg")}
+    return fit_magnitude(case._replace(settings=own), "")
 
 
-def join_disturbers(
-    alone: Choice,
-    samples: Samples,
-    reference: Reference | None,
-    reason: str,
-    settings: Mapping[str, Any],
-) -> Choice:
+def join_disturbers(alone: Choice, case: Case, reason: str) -> Choice:
     """The fit to the magnitude with what disturbs on board, where anything recorded does. Without a
     reference the magnitude is that which the fit found for a mean gain of 1."""
     calibration = alone.fit.calibration
     refused = {one.name for one in alone.fit.findings if one.severity == "refuse"}
-    if not list_moving(samples) or not refused <= MAY_BE_DISTURBED:
+    if not list_moving(case.samples) or not refused <= MAY_BE_DISTURBED:
         return alone
     assert calibration.magnitude is not None
-    known = reference or Reference.constant(calibration.magnitude, source="a mean gain of 1")
-    found = choose_sources(samples, known, keep_common(settings))
+    known = case.reference or Reference.constant(calibration.magnitude, source="a mean gain of 1")
+    common = keep_common(case.settings)
+    found = choose_sources(case.samples, known, common)
     if not found.sources:
         return replace(alone, disturbers=found)
-    given = {**asdict(keep_common(settings)), "sources": found.sources}
-    plain = samples.with_columns(roll_deg=None, pitch_deg=None)
+    plain = case.samples.with_columns(roll_deg=None, pitch_deg=None)
+    given = Case(plain, known, {**asdict(common), "sources": found.sources})
     why = f"{reason}, and {describe_sources(found.sources)} the readings"
-    joined = fit_beside_attitude(plain, known, "interference", why, given)
+    joined = fit_beside_attitude(given, "interference", why)
     fit = add_choice(joined.fit, found)
     if fit.verdict == "refused":
         return replace(alone, disturbers=found)
@@ -139,38 +150,27 @@ def join_disturbers(
     return replace(joined, fit=replace(fit, calibration=in_unit), disturbers=found)
 
 
-def fit_beside_attitude(
-    samples: Samples,
-    reference: Reference | None,
-    method: str,
-    reason: str,
-    settings: Mapping[str, Any],
-) -> Choice:
+def fit_beside_attitude(case: Case, method: str, reason: str) -> Choice:
     """The fit to magnitude, dip and perhaps azimuth, delay undone, a current joined."""
-    run = _FITS[method]
-    if method == "vector" and not samples.heading_known.all():
-        known = np.flatnonzero(samples.heading_known)
-        samples = samples.select(known)
-        reference = None if reference is None else reference.select(known)
+    if method == "vector" and not case.samples.heading_known.all():
+        case = case.select(np.flatnonzero(case.samples.heading_known))
+    samples, reference, settings = case
     wrong: tuple[Finding, ...] = ()
     if method != "inertial":  # which needs them, and says itself what is wrong
         samples, wrong = leave_out_faulty(samples)
     samples, reference, latency = find_and_undo(samples, reference)
     if method in BESIDE_EACH_ROW:
-        own = np.flatnonzero(find_fresh(samples.field))
-        samples = samples.select(own)
-        reference = None if reference is None else reference.select(own)
-    tried = None
-    if "sources" in settings:
-        fit = run(samples, reference, **settings)
-    else:
+        case = Case(samples, reference, settings).select(np.flatnonzero(find_fresh(samples.field)))
+        samples, reference, _ = case
+    tried, sources = None, {}
+    if "sources" not in settings:
         assert reference is not None
         tried = choose_sources(samples, reference, keep_common(settings))
         sources = {"sources": tried.sources} if tried.sources else {}
-        fit = run(samples, reference, **settings, **sources)
-        if sources:
-            fit = add_choice(fit, tried)
-            reason += f", and {describe_sources(list_sources(fit))} the readings"
+    fit = _FITS[method](samples, reference, **settings, **sources)
+    if tried is not None and sources:
+        fit = add_choice(fit, tried)
+        reason += f", and {describe_sources(list_sources(fit))} the readings"
     if isinstance(fit, InertialFit):
         if fit.heading_source is not None:
             reason += f", and {fit.heading_source} was used beside the gyro"
