@@ -133,20 +133,21 @@ def count_findings(sources: Sequence[Source]) -> int:
 
 
 def count_finding_names(sources: Sequence[Source]) -> int:
-    """Different names that calls of `Finding(` spell out, first or as `name=`.
+    """Different names that calls of `Finding(` spell out, first or as `name=`, and rows of facts.
 
     A name that a variable holds is not seen.
     """
-    given = (_argument(call, "name") for call in _finding_calls(sources))
+    calls = [*_finding_calls(sources), *_finding_calls(sources, "Fact")]
+    given = (_argument(call, "name") for call in calls)
     texts = (node.value for node in given if isinstance(node, ast.Constant))
     return len({text for text in texts if isinstance(text, str)})
 
 
-def _finding_calls(sources: Sequence[Source]) -> Iterator[ast.Call]:
+def _finding_calls(sources: Sequence[Source], name: str = "Finding") -> Iterator[ast.Call]:
     for source in sources:
-        if "Finding(" in source.text:
+        if f"{name}(" in source.text:
             calls = (node for node in ast.walk(source.tree) if isinstance(node, ast.Call))
-            yield from (call for call in calls if _called(call) == "Finding")
+            yield from (call for call in calls if _called(call) == name)
 
 
 def _called(call: ast.Call) -> str:
@@ -332,7 +333,7 @@ def test_findings_are_calls_and_their_names_what_is_spelt_out() -> None:
     sources = [
         parse("class Finding: ...\nfound = [Finding('static', 'refuse'), Finding('static')]"),
         parse("health.Finding(name='clipped')\nFinding(name, 'note')\nFinding(f'{a} drifts')"),
-        parse("replace(found, name='other')\nFinding(what='is seen')"),
+        parse("replace(found, name='other')\nFinding(what='is seen')\nFact('static', look)"),
     ]
     assert count_findings(sources) == 6
     assert count_finding_names(sources) == 2

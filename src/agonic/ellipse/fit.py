@@ -14,7 +14,7 @@ from agonic.ellipse.result import TURN, EllipseFit, examine_circle
 from agonic.ellipsoid.problem import make_calibration_of, pose, rows_of
 from agonic.ellipsoid.solve import Found, average_over_terms, list_numbers
 from agonic.errors import AgonicError, CoverageError
-from agonic.health import figure
+from agonic.health import FEWEST, figure
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
 from agonic.maths.equation.maximum_likelihood import refine
@@ -22,9 +22,6 @@ from agonic.model.posterior import Posterior, find_posterior
 from agonic.provenance import Provenance
 from agonic.reference import Reference
 from agonic.samples import Samples
-
-FEWEST = 12
-"""Readings that five unknowns, their noise and an outlier need."""
 
 
 def fit_ellipse(

@@ -31,7 +31,7 @@ from agonic.new_rows import find_changed, find_fresh
 from agonic.samples import Samples
 from agonic.units import RAW
 
-ENOUGH = 2000
+MOST_TRIED_ROWS = 2000
 """Rows that are enough to tell of all."""
 SHAPE_SD = 0.1
 """Of soft iron, as a prior where few orientations leave the shape open."""
@@ -119,7 +119,9 @@ def _find_and_undo(samples: Samples) -> Measured | None:
         rows, field = rows[kept], found.field[kept]
     if not findings:
         return None
-    some = field[choose_spread_rows(weigh_places(field), most=ENOUGH)]  # most may be at rest
+    some = field[
+        choose_spread_rows(weigh_places(field), most=MOST_TRIED_ROWS)
+    ]  # most may be at rest
     ellipsoid = fit_ellipsoid(some)
     off = np.minimum(ellipsoid.measure(some) / ellipsoid.radius, 1.0)
     spread = float(np.sqrt(np.mean(off**2)))
@@ -138,7 +140,7 @@ def _find_and_undo(samples: Samples) -> Measured | None:
 
 def _find_best(field: Array) -> Undone | None:
     """The fault whose inverse is by far the likeliest, by blocks of rows, undone; or None."""
-    some = np.arange(len(field)) // ENOUGH % (1 + len(field) // MOST_ROWS) == 0
+    some = np.arange(len(field)) // MOST_TRIED_ROWS % (1 + len(field) // MOST_ROWS) == 0
     best: Undone | None = None
     for undone in _try_each(field[some]):
         if undone.gain > GAIN and (best is None or undone.gain > best.gain + AGAINST):
@@ -153,7 +155,7 @@ def _try_each(field: Array) -> Iterator[Undone]:
     if len(field) < 3:
         return
     units = sorted({float(f"{unit:.9g}") for unit in _find_units(field) if unit > 0})
-    bends, some = _measure_bends(field), choose_evenly(len(field), ENOUGH)
+    bends, some = _measure_bends(field), choose_evenly(len(field), MOST_TRIED_ROWS)
     ellipsoid = fit_ellipsoid(field[some])
     every = [np.ones(3, dtype=bool), *np.eye(3, dtype=bool)]
     reach = float(np.ptp(field)) or 1.0

@@ -26,8 +26,6 @@ SPARE = 3
 """Orientations beyond the unknowns that check them."""
 RECORD_LONGER = "record longer"
 """The advice that goes with no cause."""
-HALF_CIRCLE_DEG = 180.0
-"""Of arc in one plane: less tells neither bias nor gain in it."""
 SHIFT_REFUSED = 0.04
 """Of the field, a step of the bias: no calibration holds for both sides within 2° of heading."""
 SHIFT_DOUBTFUL = 0.03

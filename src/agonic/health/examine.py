@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from agonic.health.decoding import ENOUGH
+from agonic.health.decoding import MOST_TRIED_ROWS
 from agonic.health.evidence import (
-    HALF_CIRCLE_DEG,
     HOLDS,
     MOST_ROWS,
     NOISE_DOUBTFUL,
@@ -45,7 +44,7 @@ def examine(
         if shape is not None or any(one.severity == "refuse" for one in few):
             return (shape,) if shape is not None else tuple(few)
     kept = evidence.weights > 0.0
-    changes = len(kept) < ENOUGH if changes is None else changes
+    changes = len(kept) < MOST_TRIED_ROWS if changes is None else changes
     changes = changes or float(kept.mean()) < 1.0 - OUTLIERS_TELLING
     if not changes:
         some = np.flatnonzero(kept)
@@ -106,7 +105,7 @@ def _measure_plane(e: Evidence) -> Told:
         where = f"near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
         return {"name": "small tilt", "where": where, "axis": axis, "more": "", "move": move}
     arc, span, more = measure_arc_deg(used), "", ""
-    if arc < HALF_CIRCLE_DEG:
+    if arc < 180.0:  # less tells neither bias nor gain in the plane
         span, more = f"on an arc of some {round(arc, -1):.0f}° ", ", nor well in the plane"
         move = "turn all the way round at several headings, with the nose up, down and banked"
     where = f"{span}in one plane (its normal is near {axis})"

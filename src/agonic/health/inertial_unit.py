@@ -15,9 +15,11 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.health import Finding, figure
+from agonic.health.scale import STUCK_SHARE
 from agonic.health.sticking import find_stuck_rows, find_stuck_values
 from agonic.health.turning import (
-    FEWEST,
+    MIN_ROWS,
+    SMOOTHED_S,
     check_gravity_turning,
     check_turning,
     find_telling,
@@ -40,9 +42,6 @@ _ACCELERATION_UNITS = (
     (STANDARD_GRAVITY_M_S2, "g"),
     (STANDARD_GRAVITY_M_S2 / 1000, "thousandths of g"),
 )
-_STUCK = 0.1
-"""Of the rows: an axis that stands still for longer is named."""
-_SMOOTHED_S = 0.3
 _ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
 _SENSORS = (("acceleration", "accelerometer"), ("rotation_rate", "gyro"))
 
@@ -126,8 +125,8 @@ def _check_scale(samples: Samples) -> Iterator[Fault]:
     assert telling.acceleration is not None
     # vibration adds to it, unless it is smoothed out, and turning takes from it where it is
     sizes = [median(find_length(telling.acceleration))]
-    if telling.time is not None and len(telling) >= FEWEST:
-        smooth = low_pass(telling.acceleration, median(np.diff(telling.time)), _SMOOTHED_S)
+    if telling.time is not None and len(telling) >= MIN_ROWS:
+        smooth = low_pass(telling.acceleration, median(np.diff(telling.time)), SMOOTHED_S[0])
         sizes.append(median(find_length(smooth)))
     size = min(sizes, key=lambda one: abs(np.log(max(one, 1e-300) / STANDARD_GRAVITY_M_S2)))
     share = size / STANDARD_GRAVITY_M_S2
@@ -154,7 +153,7 @@ def _check_still(samples: Samples) -> Iterator[Fault]:
     """Axes that stand still while the others move, and streams that stop while the field moves."""
     for column, sensor in _SENSORS:
         values: Array | None = getattr(samples, column)
-        if values is None or len(values) < FEWEST or not _is_noisy(values):
+        if values is None or len(values) < MIN_ROWS or not _is_noisy(values):
             continue
         found = _check_axes_still(values, sensor) or _check_stopped(samples, values, sensor)
         if found is not None:
@@ -173,7 +172,7 @@ def _is_noisy(values: Array) -> bool:
 def _check_axes_still(values: Array, sensor: str) -> Finding | None:
     for axis, name in enumerate("xyz"):
         stuck = find_stuck_rows(values, axis)
-        if stuck.mean() < _STUCK:
+        if stuck.mean() < STUCK_SHARE:
             continue
         level = figure(float(values[np.argmax(stuck), axis]))
         share = "all rows" if stuck.all() else f"{100 * stuck.mean():.0f} % of the rows"
@@ -190,7 +189,7 @@ def _check_axes_still(values: Array, sensor: str) -> Finding | None:
 
 def _check_stopped(samples: Samples, values: Array, sensor: str) -> Finding | None:
     stopped = find_stopped_rows(values, [samples.field])
-    if stopped.mean() < _STUCK:
+    if stopped.mean() < STUCK_SHARE:
         return None
     assert samples.time is not None
     since = figure(float(samples.time[np.argmax(stopped)]), 4)
@@ -208,10 +207,10 @@ def find_stopped_readings(samples: Samples) -> tuple[Mask, Finding] | None:
     finding. `None` where there are few, or nothing tells."""
     columns = [getattr(samples, name) for name in ("rotation_rate", "acceleration", *_ANGLES)]
     others = [column for column in columns if column is not None]
-    if samples.time is None or len(samples.time) < FEWEST or not others:
+    if samples.time is None or len(samples.time) < MIN_ROWS or not others:
         return None
     stopped = find_stopped_rows(samples.field, others)
-    if stopped.mean() < _STUCK:
+    if stopped.mean() < STUCK_SHARE:
         return None
     since = figure(float(samples.time[np.argmax(stopped)]), 4)
     return stopped, Finding(
@@ -227,7 +226,7 @@ def find_stopped_rows(values: Array, others: Sequence[Array]) -> Mask:
     """Rows (n,) of long stretches in which a sensor (n, 3) repeats one reading while others, each
     (n,) or (n, k), move; none of a sensor that hardly ever reads anything new."""
     fresh = find_changed(values)
-    if fresh.sum() < FEWEST:
+    if fresh.sum() < MIN_ROWS:
         return np.zeros(len(values), dtype=bool)
     number = np.cumsum(fresh).astype(np.float64)
     return find_stuck_values(number, lambda: np.column_stack(others))
@@ -238,13 +237,13 @@ def check_clipping(samples: Samples) -> Finding | None:
     readings repeat anyway, as those of a coarse gyro do.
     """
     rate = samples.rotation_rate
-    if rate is None or len(rate) < FEWEST:
+    if rate is None or len(rate) < MIN_ROWS:
         return None
     for name, axis in zip("xyz", np.abs(rate).T, strict=True):
         most, pinned = float(axis.max()), axis == axis.max()
         free = axis[~pinned]
         share = float(pinned.mean())
-        if share < PINNED or len(free) < FEWEST or (np.diff(free) == 0).mean() > PINNED:
+        if share < PINNED or len(free) < MIN_ROWS or (np.diff(free) == 0).mean() > PINNED:
             continue
         top = figure(float(np.degrees(most)))
         return Finding(

@@ -18,10 +18,10 @@ SIGNIFICANT = 1e-3 / 4
 """For each of the four ways to divide the readings."""
 BINS = 25
 """Of equal width along the readings of an axis."""
-APART = 5
+EVENT_ROWS = 5
 """Rows: outliers closer together are one event, as of one jolt."""
-FEWEST = 4
-FAR = 4.0
+MIN_EVENTS = 4
+FAR_OVER_SCATTER = 4.0
 """Noises, as they are among the readings that fit and lie there, beyond which a reading is no tail
 of the others."""
 
@@ -41,12 +41,12 @@ def find_gathered(e: Evidence) -> Gathered | None:
     be less than `SIGNIFICANT` over the number of regions."""
     fits = e.weights > 0
     rows = np.arange(len(fits))  # those since the last outlier: many before the first
-    since = rows - np.maximum.accumulate(np.where(fits, -APART - 1, rows))
-    events = ~fits & (np.r_[APART, since[:-1]] >= APART)
-    if np.count_nonzero(events) < FEWEST or np.count_nonzero(fits) < 100:
+    since = rows - np.maximum.accumulate(np.where(fits, -EVENT_ROWS - 1, rows))
+    events = ~fits & (np.r_[EVENT_ROWS, since[:-1]] >= EVENT_ROWS)
+    if np.count_nonzero(events) < MIN_EVENTS or np.count_nonzero(fits) < 100:
         return None
     should = np.stack([np.interp(rows, rows[fits], axis[fits]) for axis in e.readings.T], axis=1)
-    able = events | (fits & (since > APART))
+    able = events | (fits & (since > EVENT_ROWS))
     found = [*(_divide_axis(should, fits, axis) for axis in range(3))]
     found.append(find_cells((should - e.bias) @ e.shape.T))
     best: tuple[float, int, int] = SIGNIFICANT, -1, -1
@@ -75,7 +75,7 @@ def _test(region: Index, events: Mask, able: Mask) -> tuple[float, int]:
     count = np.bincount(region[events], minlength=size)
     rows = np.bincount(region[able], minlength=size)
     share = (rows + 1.0) / (rows.sum() + size)  # of regions that are hardly visited nothing is sure
-    p_values = np.where(count >= FEWEST, bdtrc(count - 1, count.sum(), share), 1.0)
+    p_values = np.where(count >= MIN_EVENTS, bdtrc(count - 1, count.sum(), share), 1.0)
     at = int(np.argmin(p_values))
     return float(p_values[at]) * int((rows > 0).sum()), at
 
@@ -84,7 +84,7 @@ def _stand_out(e: Evidence, there: Mask, fits: Mask, events: Mask) -> bool:
     """Whether most events of a region are beyond the scatter of the readings there that fit."""
     own = np.abs(e.residuals[there & fits])
     scatter = 1.48 * median(own) if len(own) else 0.0
-    return bool(median(np.abs(e.residuals[there & events])) > FAR * scatter)
+    return bool(median(np.abs(e.residuals[there & events])) > FAR_OVER_SCATTER * scatter)
 
 
 def _describe(e: Evidence, readings: Array, way: int) -> str:

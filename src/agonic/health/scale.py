@@ -15,7 +15,7 @@ from agonic.maths.one_pass import find_length, median
 from agonic.samples import Samples
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
-FEWEST_LEVELS, FEW_LEVELS = 30, 6
+LEVELS_DOUBTFUL, LEVELS_REFUSED = 30, 6
 """Levels of an axis across the field below which rounding is to be looked at, and is refused."""
 
 _SOME_STEPS = 200
@@ -68,7 +68,7 @@ def check_resolution(field: Array, radius: float, unit: str) -> Finding | None:
     """
     steps = find_steps(field)
     levels = 2 * radius / max(float(steps.max()), 1e-300)
-    if levels >= FEWEST_LEVELS:
+    if levels >= LEVELS_DOUBTFUL:
         return None
     axes = [letter for letter, step in zip("xyz", steps, strict=True) if step == steps.max()]
     whose = f"axis {axes[0]} reads" if len(axes) == 1 else f"axes {' and '.join(axes)} read"
@@ -77,7 +77,7 @@ def check_resolution(field: Array, radius: float, unit: str) -> Finding | None:
     left = f"uncertain by {figure(open_deg)}°" if open_deg < OPEN_DEG else "undetermined"
     return Finding(
         "resolution",
-        "refuse" if levels < FEW_LEVELS else "check",
+        "refuse" if levels < LEVELS_REFUSED else "check",
         f"{whose} in steps of {figure(float(steps.max()))} {unit}, {int(levels) + 1} across the "
         f"field: one reading leaves the heading {left}",
         "choose a finer range of the sensor, or log all the digits that it has",
@@ -156,7 +156,7 @@ def check_magnitude(
     return Finding("scale", "check", f"{what}, where the Earth has 20 000 to 70 000 nT", move)
 
 
-STUCK = 0.1
+STUCK_SHARE = 0.1
 """Share of the rows: one value for so long, where it else changes from row to row, is none read."""
 COMPUTED_NT = 1e-3
 """A magnitude this near to that of the vector, beside both roundings, was computed from it."""
@@ -174,7 +174,7 @@ def check_scalar(samples: Samples) -> Finding | None:
     elif len(runs) == 1:
         what = f"the scalar instrument reads {first} nT in all {len(scalar)} rows"
         move = f"it is dead, or the number was typed in: --field {first} gives one"
-    elif runs.max() > STUCK * len(scalar) and median(runs) == 1:
+    elif runs.max() > STUCK_SHARE * len(scalar) and median(runs) == 1:
         what = f"the scalar instrument repeats one value in {runs.max()} rows on end"
         move = "it lost its lock there: leave those rows out (--between), or repair it"
     elif samples.unit == "nT" and np.abs(size - scalar).max() < COMPUTED_NT + rounding:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index, Mask
-from agonic.health.decoding import ENOUGH, fit_ellipsoid, hold_shape, list_columns
+from agonic.health.decoding import MOST_TRIED_ROWS, fit_ellipsoid, hold_shape, list_columns
 from agonic.health.evidence import (
     FEWEST,
     HOLDS,
@@ -35,11 +35,11 @@ from agonic.maths.estimation.changes.hidden_states import find_path
 
 STRANGE = 4.0
 """Standard deviations from both ellipsoids that are as likely as belonging to neither."""
-APART = 4.0
+STATES_APART = 4.0
 """Standard deviations between states: by chance two are 1.6 apart, the halves of one Gaussian."""
 MOST_NEITHER = 0.5
 """Of the rows of the rarer state: where more belong to neither, they are no second state."""
-ALIKE = 0.8
+RADII_ALIKE = 0.8
 """Of the radii, the smaller over the larger: one magnitude is behind both."""
 BETTER = 0.65
 """Of what one ellipsoid leaves, two leave less: bends leave more, and so do halves of noise."""
@@ -47,7 +47,7 @@ BETTER_ROWS = 0.5
 """The same of states row by row, which the halves of one Gaussian pretend to be."""
 PROMISING = 0.9
 """Of the same, what a guess leaves that is worth a try."""
-FAR = 0.2
+MOST_OFF = 0.2
 """Of the radius: how far off a row is counts no more beyond."""
 SHORT = 0.03
 """Of the log: a stretch is longer. Less is a magnet that was passed, which outliers tell."""
@@ -69,7 +69,6 @@ PARTS = 7
 MOST_GUESSES = 6
 """That are followed: those that leave least lead to the same states."""
 _LEAST = 1e-9
-_ROUNDS = 12
 _NEITHER = 2
 
 
@@ -113,7 +112,7 @@ class _Split(NamedTuple):
     def stands_out(self) -> bool:
         """Whether these are two states, and not the halves of one, or one and what is left of it.
         Where they last, each is seen by many rows that follow one another."""
-        if not ALIKE < self.radii[0] / max(self.radii[1], 1e-9) < 1 / ALIKE:
+        if not RADII_ALIKE < self.radii[0] / max(self.radii[1], 1e-9) < 1 / RADII_ALIKE:
             return False
         if self.lasts:
             return self.shift > SHIFT_OVER_NOISE * self.noise
@@ -122,12 +121,12 @@ class _Split(NamedTuple):
             return False
         other = np.where(self.state == 1, self.off[0], self.off[1])[~neither]
         apart = np.sqrt(np.mean(np.minimum(np.abs(other), 1.0) ** 2))
-        return bool(apart >= APART * self.noise)
+        return bool(apart >= STATES_APART * self.noise)
 
 
 def _measure_cost(off: Array) -> float:
-    """The mean distance, of strange rows no more than `FAR`."""
-    return float(np.minimum(np.abs(off), FAR).mean())
+    """The mean distance, of strange rows no more than `MOST_OFF`."""
+    return float(np.minimum(np.abs(off), MOST_OFF).mean())
 
 
 def check_states(e: Evidence, left: float | None) -> Finding | None:
@@ -175,7 +174,7 @@ def find_states(points: Array, residuals: Array, normals: Array, rejected: Mask)
     commonest state are searched once more, for a third bias. Parameters: points (n, 3) of the
     calibrated field over its magnitude, residuals (n,) and normals (n, 3) of the fit in the same
     unit, and which rows it rejected (n,)."""
-    rows = choose_evenly(len(points), ENOUGH)
+    rows = choose_evenly(len(points), MOST_TRIED_ROWS)
     points, rejected = points[rows], rejected[rows]
     residuals, normals = residuals[rows], normals[rows]
     changed, first, rest = np.zeros(len(rows), dtype=bool), None, np.arange(len(rows))
@@ -275,7 +274,7 @@ def _alternate(points: Array, second: Mask) -> _Split | None:
     """The states after fits and choices in turn, rows one by one first, lasting where they last."""
     state = second.astype(np.int8)
     found, price = None, 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(12):
         if min(np.count_nonzero(state == 0), np.count_nonzero(state == 1)) < FEWEST:
             return None
         off, shift, radii = _fit(points, state)

@@ -61,7 +61,9 @@ def find_stuck_values(values: Array, find_others: Callable[[], Array]) -> Mask:
         moved = np.ptp(others[start:stop], axis=0)
         returns = np.count_nonzero(values == values[start]) > stop - start
         at_end = values[start] in (values.min(), values.max())
-        stuck[start:stop] = ((moved > 0.2 * reach) & (moved > 0)).any() and not (at_end and returns)
+        stuck[start:stop] = ((moved > MIN_MOTION * reach) & (moved > 0)).any() and not (
+            at_end and returns
+        )
     usual = still[1:-1][~stuck[1:]]
     return stuck & (len(usual) == 0 or usual.mean() <= 0.5)
 
@@ -102,12 +104,12 @@ def _piles_up(values: Array, others: Array, at_end: Mask) -> bool:
     return bool(spread > 3 * np.sqrt(2 * radius * step))
 
 
-FEWEST_TIMES, FEWEST_LEVELS = 5, 40
-PILED, APART = 5.0, 10.0
+MIN_COUNT, MIN_LEVELS = 5, 40
+PILE_OVER_USUAL, GAP_OVER_USUAL = 5.0, 10.0
 """A level comes so many times as often as others, and is so many of their steps apart."""
-SAME = 1e-6
+SAME_LEVEL = 1e-6
 """Of an axis' range: readings closer than that are one level, which arithmetic has rounded."""
-TURNED = 0.2
+MIN_MOTION = 0.2
 """Of their range: by so much the other axes move while one sticks."""
 
 
@@ -131,22 +133,22 @@ def find_dead_zones(field: Array) -> list[DeadZone]:
 
 def _find_on_axis(field: Array, axis: int) -> list[DeadZone]:
     values = field[:, axis]
-    same = SAME * np.ptp(values)
+    same = SAME_LEVEL * np.ptp(values)
     if not 0 < same < np.inf:
         return []
     levels, counts = np.unique(np.round(values / same), return_counts=True)
-    if len(levels) <= FEWEST_LEVELS:
+    if len(levels) <= MIN_LEVELS:
         return []
-    often = counts[1:-1] >= max(FEWEST_TIMES, PILED * median(counts))
+    often = counts[1:-1] >= max(MIN_COUNT, PILE_OVER_USUAL * median(counts))
     others = np.delete(field, axis, axis=1)
     zones = []
     for k in 1 + np.flatnonzero(often):
-        near = np.diff(levels[max(k - FEWEST_LEVELS // 2, 0) : k + FEWEST_LEVELS // 2])
-        if levels[k + 1] - levels[k - 1] < APART * np.sort(near)[:-2].mean():
+        near = np.diff(levels[max(k - MIN_LEVELS // 2, 0) : k + MIN_LEVELS // 2])
+        if levels[k + 1] - levels[k - 1] < GAP_OVER_USUAL * np.sort(near)[:-2].mean():
             continue
         there = others[np.round(values / same) == levels[k]]
         moved = np.ptp(np.percentile(there, (5, 95), axis=0), axis=0)
-        if (moved > TURNED * np.ptp(others, axis=0)).any():
+        if (moved > MIN_MOTION * np.ptp(others, axis=0)).any():
             at = (levels[k], levels[k - 1] + 0.5, levels[k + 1] - 0.5)
             zones.append(DeadZone(axis, *(float(level * same) for level in at)))
     return zones

@@ -23,25 +23,25 @@ from agonic.samples import Samples
 
 FAR_BETTER = 0.25
 """Of the square that is left: another naming of axes or unit is believed where it leaves less."""
-EXPLAINED = 0.5
+MOST_LEFT = 0.5
 """Of the square of the change: what a right naming leaves at most."""
-PROBABLE = 15.0
+MIN_LOG_ODDS = 15.0
 """Of the logarithm of the probability of an acceleration: another naming of axes has so much more.
 Of 100 clean cars, whose braking says little of their slopes, the worst had 16, unsteadily."""
 STEADILY = 2.5
 """Standard errors, by how windows scatter, by which that is above zero, or more is asked for."""
-ALIKE = 3.0
+SAME_LOG_ODDS = 3.0
 """Of that logarithm: namings that differ by less are not told apart."""
-_FEWEST_WINDOWS = 3
-_LATE_S = (0.1, 0.2, 0.35, 0.55, 0.8, 1.1, 1.5, 2.0)
+_MIN_WINDOWS = 3
+_DELAYS_S = (0.1, 0.2, 0.35, 0.55, 0.8, 1.1, 1.5, 2.0)
 """An accelerometer is tried to be about so late, or early, beside a gyro."""
-FEWEST = 50
+MIN_ROWS = 50
 """Readings that can show a turn."""
-_SMOOTHED_S = (0.3, 1.0, 3.0)
+SMOOTHED_S = (0.3, 1.0, 3.0)
 """A slow turn is seen above the noise by its longer means only."""
-_LENGTHS = 20
+_MIN_LENGTHS = 20
 """A log is so many times as long at least: fewer means agree by chance."""
-_FARTHEST = 20.0
+_MOST_BIAS = 20.0
 """Of the size of the readings: a bias about their mean so far off is none."""
 _ACCELEROMETER_BIAS = 0.5
 """m/s²: more than an accelerometer reads too much."""
@@ -142,16 +142,16 @@ def find_renaming(
     assert time is not None
     turns, found = np.concatenate([right_angles(), -right_angles()]), []
     tried = np.concatenate([factor * turns for factor, _ in units])
-    for smoothed_s in _SMOOTHED_S:
-        if smoothed_s > _SMOOTHED_S[0] and _LENGTHS * smoothed_s > time[-1] - time[0]:
+    for smoothed_s in SMOOTHED_S:
+        if smoothed_s > SMOOTHED_S[0] and _MIN_LENGTHS * smoothed_s > time[-1] - time[0]:
             break
         products, farthest = _sum(samples, smoothed_s, felt=felt)
         own = float(measure_left(products, np.eye(3), farthest))
-        if own < FAR_BETTER * EXPLAINED:
+        if own < FAR_BETTER * MOST_LEFT:
             continue  # as named it is right
         left = measure_left(products, tried, farthest)
         unit, turn = divmod(int(np.argmin(left)), len(turns))
-        if left.min() <= min(EXPLAINED, FAR_BETTER * own):
+        if left.min() <= min(MOST_LEFT, FAR_BETTER * own):
             found.append(Renaming(float(left.min()), turns[turn], units[unit][1]))
     return min(found, key=lambda one: one.left) if found else None
 
@@ -169,14 +169,14 @@ def _find_probable_naming(samples: Samples) -> Array | None:
     each = compare_namings(force, rate, time, turns)
     more = each - each[0]
     sums, windows = more.sum(axis=1), each.shape[1]
-    if windows < _FEWEST_WINDOWS or sums.max() < PROBABLE:
+    if windows < _MIN_WINDOWS or sums.max() < MIN_LOG_ODDS:
         return None
     best = int(np.argmax(sums))
     steady = float(sums[best] / (np.sqrt(windows) * more[best].std(ddof=1)))
-    if sums[best] < PROBABLE * max(1.0, (STEADILY / steady) ** 2):
+    if sums[best] < MIN_LOG_ODDS * max(1.0, (STEADILY / steady) ** 2):
         return None
-    likely = np.flatnonzero(sums > sums[best] - ALIKE)
-    products, farthest = _sum(samples, _SMOOTHED_S[0], felt=True)
+    likely = np.flatnonzero(sums > sums[best] - SAME_LOG_ODDS)
+    products, farthest = _sum(samples, SMOOTHED_S[0], felt=True)
     left = measure_left(products, turns[likely], farthest)
     likely = likely[left <= left.min() / FAR_BETTER]
     return np.asarray(turns[likely[np.argmax(sums[likely])]])
@@ -190,14 +190,14 @@ def _find_late(samples: Samples, turn: Array) -> float:
     assert rate is not None
     assert force is not None
     step = median(np.diff(time))
-    later = np.unique(np.round(np.array(_LATE_S) / step).astype(int))
+    later = np.unique(np.round(np.array(_DELAYS_S) / step).astype(int))
     shifts, own = np.concatenate([-later, later]), np.eye(3)[None]
     # by whole rows: between them noise would be less
     moved = np.clip(np.arange(len(time)) + shifts[:, None], 0, len(time) - 1)
     probable = compare_namings(force[moved], rate, time, own).sum(axis=(1, 2))
     renamed = compare_namings(force, rate, time, turn[None]).sum()
     best = int(np.argmax(probable))
-    return float(shifts[best] * step) if probable[best] > renamed + PROBABLE else 0.0
+    return float(shifts[best] * step) if probable[best] > renamed + MIN_LOG_ODDS else 0.0
 
 
 def explains_change(samples: Samples) -> bool:
@@ -205,30 +205,30 @@ def explains_change(samples: Samples) -> bool:
     False too where hardly anything turns, or the field itself changes more."""
     if not _can_tell(samples):
         return False
-    products, farthest = _sum(find_telling(samples), _SMOOTHED_S[0], felt=False)
-    return bool(measure_left(products, np.eye(3), farthest) < EXPLAINED)
+    products, farthest = _sum(find_telling(samples), SMOOTHED_S[0], felt=False)
+    return bool(measure_left(products, np.eye(3), farthest) < MOST_LEFT)
 
 
 def _tell_which(samples: Samples, found: Renaming) -> str:
     """Which of gyro and magnetometer is wrong, where the accelerometer goes with one of them."""
     if samples.acceleration is not None:
-        for smoothed_s in _SMOOTHED_S[:2]:
+        for smoothed_s in SMOOTHED_S[:2]:
             products, farthest = _sum(samples, smoothed_s, felt=True)
             factor = next(factor for factor, unit in _UNITS if unit == found.unit)
             either = np.stack([np.eye(3), factor * found.turn])
             own, renamed = measure_left(products, either, farthest).tolist()
-            if own <= min(EXPLAINED, FAR_BETTER * renamed):
+            if own <= min(MOST_LEFT, FAR_BETTER * renamed):
                 return (
                     "look at the magnetometer's axes: gyro and accelerometer agree with each other"
                 )
-            if renamed <= min(EXPLAINED, FAR_BETTER * own):
+            if renamed <= min(MOST_LEFT, FAR_BETTER * own):
                 return "correct the gyro: magnetometer and accelerometer agree with each other"
     return "name units and axes of gyro and magnetometer alike, and look which of the two is wrong"
 
 
 def _can_tell(samples: Samples) -> bool:
     time, rate = samples.time, samples.rotation_rate
-    return time is not None and rate is not None and len(time) >= FEWEST
+    return time is not None and rate is not None and len(time) >= MIN_ROWS
 
 
 def _sum(samples: Samples, smoothed_s: float, *, felt: bool) -> tuple[Array, Array]:
@@ -242,5 +242,5 @@ def _sum(samples: Samples, smoothed_s: float, *, felt: bool) -> tuple[Array, Arr
     farthest = np.repeat([_ACCELEROMETER_BIAS, _SPEED_M_S], 3)
     if not felt:
         size = max(float(np.sqrt((values**2).sum(axis=1).mean())), 1e-300)
-        farthest = np.full(3, _FARTHEST * size)
+        farthest = np.full(3, _MOST_BIAS * size)
     return sum_products(values, rate, time, smoothed_s, felt=felt), farthest

@@ -34,6 +34,7 @@ from agonic.recording.calibrated import (
     calibrate_level,
     calibrate_recording,
 )
+from agonic.recording.choice.choose import SURER
 from agonic.recording.mounting import calibrate, turn_back, turn_readings
 from agonic.samples import Samples
 
@@ -44,8 +45,6 @@ STANDS_OUT = 2.0
 BLOCK_S = 1.0
 ATTITUDE = ("levelled", "inertial", "vector")
 """Methods by more than the magnitude."""
-BETTER = 0.8
-"""Share of the unseen spread that a mix has to be below where its verdict is no better."""
 
 
 def report_pairs(results: Sequence[Calibrated]) -> list[Calibrated]:
@@ -120,7 +119,7 @@ def take_mixes(
         mixes = [mixed for other in others if (mixed := _mix(result, other, again)) is not None]
         best = min(mixes, key=_rank, default=result)
         verdict, spread = _rank(result)  # the same verdict asks for clearly less spread
-        better = _rank(best) < (verdict, BETTER * spread)
+        better = _rank(best) < (verdict, SURER * spread)
         taken.append(best if chosen != "auto" or better else result)
     return taken
 

@@ -16,7 +16,7 @@ from agonic.maths.equation.coverage import icosphere
 from agonic.maths.one_pass import find_length, median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder import Rung
-from agonic.recording.quantities import FEWEST, Residuals, find_held_out, find_level
+from agonic.recording.quantities import MIN_IN_CELL, Residuals, find_held_out, find_level
 from agonic.report.axes import Axis, Columns, along_rows, down, right
 from agonic.report.digits import count, degrees, group_digits, percent, quantity
 from agonic.report.labels import unit_label
@@ -196,7 +196,7 @@ def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
         shows,
         f"{shows} Near half and far half of the sphere; full colour at "
         f"±{quantity(residuals.mean_limit, residuals.unit, 2)}, "
-        f"blank with fewer than {FEWEST} readings.",
+        f"blank with fewer than {MIN_IN_CELL} readings.",
         class_="wide",
     )
     keys = {"before": "before", "after": "after the correction"}

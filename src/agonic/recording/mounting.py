@@ -42,7 +42,7 @@ from agonic.recording.choice.choose import Kind
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-FEWEST = 200
+MIN_ROWS = 200
 """Rows that can show a turn."""
 SURELY = 4.0
 """Standard errors of a turn that is there: 1 in 16 000 by chance."""
@@ -72,7 +72,9 @@ def find_turn_of(
     down in some of them as it was `seen`; None where nothing tells it in enough of them."""
     rows, down = seen
     some = np.flatnonzero(rows & find_fresh(samples.field))
-    return find_turn_beside(field[some], down[some], soft_iron_sd) if len(some) >= FEWEST else None
+    return (
+        find_turn_beside(field[some], down[some], soft_iron_sd) if len(some) >= MIN_ROWS else None
+    )
 
 
 def measure_down(samples: Samples) -> tuple[Mask, Array]:

@@ -198,7 +198,7 @@ def propagate_sd(calibration: Affine, view: Callable[[Affine], Array]) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.diag(spread), 0.0)))
 
 
-FEWEST = 10
+MIN_IN_CELL = 10
 """Readings in a cell below which their mean says nothing."""
 
 _LEAST = 1e-9  # of a range, so that readings without any spread can be drawn
@@ -229,7 +229,7 @@ class Residuals:
     def worst(self) -> str:
         """The cell with the largest mean, in words."""
         if np.isnan(self.means).all():
-            return f"No direction holds {FEWEST} readings."
+            return f"No direction holds {MIN_IN_CELL} readings."
         cell = int(np.nanargmax(np.abs(self.means)))
         x, y, z = (show_sign(group_digits(float(v), 2)) for v in icosphere()[0][cell])
         value = show_sign(quantity(float(self.means[cell]), self.unit, 2))
@@ -275,5 +275,5 @@ def _cell_means(result: Calibrated, values: Array, weights: Array) -> Array:
     total = np.bincount(cells, weights, minlength=80)
     sums = np.bincount(cells, weights * values, minlength=80)
     means = np.full(80, np.nan)
-    np.divide(sums, total, out=means, where=total >= FEWEST)
+    np.divide(sums, total, out=means, where=total >= MIN_IN_CELL)
     return means

@@ -88,7 +88,7 @@ def estimate_change(suspect: Suspect, projector: Array, residuals: Array) -> tup
     return Change(suspect.name, size, sd, unit, float(turns_deg), chance), float(3 * sd_deg)
 
 
-FEWEST = 6
+MIN_SHOTS = 6
 RARE, ODD = 1e-3, 0.01
 """Probabilities: of an alarm where nothing changed, and of what one shot may explain."""
 SPOILS_DEG = 2.0
@@ -218,9 +218,9 @@ def _pose(
 ) -> tuple[_Linear, Index]:
     """The residuals of the shots, and their numbers."""
     rows, force, reading = average_shots(samples)
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_SHOTS:
         raise CoverageError(
-            f"{len(rows)} shots at rest were given and {FEWEST} are needed, better eight",
+            f"{len(rows)} shots at rest were given and {MIN_SHOTS} are needed, better eight",
             turns="level towards four directions, and the same upside down",
         )
     up = accelerometer.correct(force) / STANDARD_GRAVITY_M_S2

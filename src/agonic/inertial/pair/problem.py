@@ -29,9 +29,9 @@ from agonic.maths.rotations.vectors import skew
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-FEWEST = 12
+MIN_ATTITUDES = 12
 """Attitudes without which nothing is fitted."""
-MANY = 200
+MOST_SHOTS = 200
 """More rows with times than this are a recording, whose stretches at rest are the shots."""
 LEAST_OF_TARGET = 3
 """Shots at one target that tell anything of the sight."""
@@ -104,9 +104,9 @@ def pose(samples: Samples, reference: Reference | None, settings: Settings) -> P
     """The problem of the attitudes at rest that samples hold. Raises `LogError` without
     acceleration, `CoverageError` with too few attitudes."""
     rows, force, field = average_shots(samples)
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_ATTITUDES:
         raise CoverageError(
-            f"{len(rows)} attitudes at rest were found and {FEWEST} are needed, better 24",
+            f"{len(rows)} attitudes at rest were found and {MIN_ATTITUDES} are needed, better 24",
             undetermined="the matrices of both sensors",
             turns=ATTITUDES,
         )
@@ -151,7 +151,7 @@ def find_shots(samples: Samples) -> tuple[Index, ...]:
     n = len(samples)
     if samples.station is not None:
         number = samples.station.astype(np.intp)
-    elif samples.time is not None and n > MANY:
+    elif samples.time is not None and n > MOST_SHOTS:
         assert samples.acceleration is not None
         number = find_rest(samples.time, samples.acceleration, samples.field)
     else:

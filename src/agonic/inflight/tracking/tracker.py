@@ -15,7 +15,7 @@ from agonic.calibration.thermal import Thermal
 from agonic.calibration.tracking import Jump, TrackerParams, TrackerState
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health import Finding, Judged, figure
-from agonic.health.turning import FEWEST, check_turning, explains_change
+from agonic.health.turning import MIN_ROWS, check_turning, explains_change
 from agonic.inflight.tracking.evidence import list_findings
 from agonic.inflight.tracking.files import load_track, save_track
 from agonic.inflight.tracking.filter import start, update
@@ -213,6 +213,6 @@ def choose_gyro(samples: Samples, magnitude: Array, wanted: bool | None) -> tupl
         return True, ""
     if np.ptp(known) > STEADY * float(np.mean(known)):
         return False, "the field itself changes along the track, which a gyro does not measure"
-    if len(samples) >= FEWEST and explains_change(samples):
+    if len(samples) >= MIN_ROWS and explains_change(samples):
         return True, ""
     return False, "the gyro explains less than half of how the readings change"

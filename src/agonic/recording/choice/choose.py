@@ -28,7 +28,8 @@ from agonic.reference import Reference
 from agonic.samples import Samples
 
 SURER = 0.8
-"""Of the heading's standard error: a fit that knows more has to be better by this much."""
+"""Of the heading's standard error, or the unseen spread of a mix: a fit that uses more has to be
+better by this much."""
 SURE_DEG = 0.3
 """A heading that is known to this by the magnitude alone needs nothing else."""
 

@@ -52,7 +52,7 @@ BESIDE_EACH_ROW = ("levelled", "vector")
 
 MAY_BE_DISTURBED = {"coverage", "prior", "correlated noise", STEP.name, *(t.name for t in HIDDEN)}
 """Reasons to refuse a fit that may go where what disturbs is known."""
-ENOUGH = 10_000
+MOST_ROWS_OF_PARTS = 10_000
 """Rows that parts of a log are fitted to, together."""
 
 
@@ -194,7 +194,7 @@ def fit_beside_attitude(case: Case, method: str, reason: str) -> Choice:
 def open_some(open_parts: OpenParts, samples: Samples, reference: Reference | None) -> FitPart:
     """The calibrations by evenly spaced rows, of no more than suffice to judge rows that they have
     not seen: their own error is then far below the noise of these."""
-    some = np.arange(0, len(samples), max(-(-len(samples) // ENOUGH), 1))
+    some = np.arange(0, len(samples), max(-(-len(samples) // MOST_ROWS_OF_PARTS), 1))
     known = None if reference is None else reference.select(some)
     fit_part = open_parts(samples.select(some), known)
     return lambda rows: fit_part(rows[some])
