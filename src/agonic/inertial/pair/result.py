@@ -153,11 +153,6 @@ def _measure_heading(solved: Solved) -> Told:
     return {"value": fit.heading_sd_deg, "n": fit.n, "add": f"add shots: {add}"}
 
 
-def _measure_loose(solved: Solved) -> Told:
-    told = _measure_heading(solved)
-    return None if solved.fit.heading_sd_deg > OPEN_DEG else told
-
-
 def _knows_dip(solved: Solved) -> bool:
     return bool(solved.problem.prior.information[DIP, DIP] > 0)
 
@@ -172,8 +167,6 @@ def _measure_dip(solved: Solved) -> Told:
     return {"value": off, "dip": fit.free_inclination_deg, "expected": expected}
 
 
-OPEN_DEG = 2.0
-"""Standard error of the heading above which it is not determined."""
 FACTS = (
     Fact(
         "shots disagree",
@@ -225,15 +218,8 @@ FACTS = (
     Fact(
         "attitudes missing",
         _measure_heading,
-        {"refuse": OPEN_DEG},
+        {"check": 0.5, "refuse": 2.0},
         "{n} shots leave the heading uncertain by {value}°",
-        "{add}",
-    ),
-    Fact(
-        "heading loose",
-        _measure_loose,
-        {"check": 0.5},
-        "the standard error of the heading is {value}°",
         "{add}",
     ),
     Fact(
