@@ -103,9 +103,15 @@ def findings_in_the_source() -> dict[str, set[str]]:
     """The names of findings, and how severe each can be, from the calls that make them."""
     found = {name: set[str](row.severities) for name, row in findings.FINDINGS.items()}
     for text in map(text_of, (ROOT / "src" / "agonic").rglob("*.py")):
-        for node in ast.walk(ast.parse(text)) if "Finding(" in text else ():
+        told = "Finding(" in text or "Fact(" in text
+        for node in ast.walk(ast.parse(text)) if told else ():
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Fact":
+                limits = node.args[2]
+                severities = set(map(ast.literal_eval, getattr(limits, "keys", [limits])))
+                found.setdefault(ast.literal_eval(node.args[0]), set()).update(severities)
+                continue
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
-                if ast.unparse(node.args[0]) == "check.name":  # verify.md explains the checks
+                if ast.unparse(node.args[0]) in {"check.name", "fact.name"}:  # verify.md, as above
                     continue
                 if ast.unparse(node.args[1]).startswith("severity or row."):  # the table above
                     continue

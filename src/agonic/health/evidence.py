@@ -7,7 +7,8 @@ from functools import cached_property
 
 from agonic.arrays import Array
 from agonic.coverage import Coverage
-from agonic.maths.equation.crowding import weigh_places
+from agonic.maths.equation.coverage import measure_thickness
+from agonic.maths.equation.crowding import choose_evenly, choose_spread_rows, weigh_places
 
 HEADING_REFUSED_DEG = 10.0
 """Of a level heading, one standard error: what is known no better is no compass."""
@@ -66,3 +67,13 @@ class Evidence:
     def crowding(self) -> Array:
         """Weights (n,) of the readings, less where many say the same."""
         return weigh_places(self.readings)
+
+    @cached_property
+    def flatness(self) -> tuple[float, Array, Array]:
+        """How thick the readings are across their plane, over the radius; its normal (3,); and the
+        readings (k, 3) that count."""
+        counted = (self.weights > 0) | (self.weights == 0).all()
+        used, crowding = self.readings[counted], self.crowding[counted]
+        some = choose_evenly(len(used), MOST_ROWS), choose_spread_rows(crowding, most=MOST_ROWS)
+        measured = (measure_thickness(used[rows]) for rows in some)
+        return *max(measured, key=lambda one: one[0]), used

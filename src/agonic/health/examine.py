@@ -16,7 +16,7 @@ from agonic.health.evidence import (
 from agonic.health.finding import Fact, Finding, Told, find_facts
 from agonic.health.outliers import find_outliers
 from agonic.health.states import check_states, spreads_by_direction
-from agonic.maths.equation.coverage import describe_axis, measure_arc_deg, measure_thickness
+from agonic.maths.equation.coverage import describe_axis, measure_arc_deg
 from agonic.maths.equation.crowding import (
     choose_evenly,
     choose_spread_rows,
@@ -39,7 +39,7 @@ def examine(
     directions; `left` is what terms leave, over the radius."""
     few: list[Finding] = []
     if not attitude_aided:
-        shape = next(find_facts((STATIC, PLANE), evidence), None)
+        shape = next(find_facts((STATIC, PLANE, SMALL_TILT), evidence), None)
         few = [] if shape else [*find_facts([FEW_ORIENTATIONS], evidence)]
         if shape is not None or any(one.severity == "refuse" for one in few):
             return (shape,) if shape is not None else tuple(few)
@@ -79,39 +79,38 @@ def _count_few(e: Evidence) -> Told:
     reach = min(max(8 * e.noise, 0.02 * e.radius), 0.1 * e.radius)
     enough = e.unknowns + SPARE
     count = count_orientations(e.readings[e.weights > 0], reach, enough)
-    if count >= enough:
-        return None
-    told = {"count": count, "unknowns": e.unknowns, "enough": enough}
+    left = "and hardly any are left to check the result"
     if count < e.unknowns:
-        return told | {"left": "that do not determine it", "severity": "refuse"}
-    return told | {"left": "and hardly any are left to check the result"}
+        left = "that do not determine it"
+    told = {"count": count, "unknowns": e.unknowns, "enough": enough, "left": left}
+    return {"value": enough - count, **told}
+
+
+def _measure_tilt(e: Evidence) -> Told:
+    """Readings nearly in a plane."""
+    thick, normal, _ = e.flatness
+    if thick > 0.1 or _is_plane(e):
+        return None
+    return {"tilt": float(np.degrees(np.arcsin(min(thick, 1.0)))), "axis": describe_axis(normal)}
+
+
+def _is_plane(e: Evidence) -> bool:
+    return e.flatness[0] < max(0.02, 1.5 * 2.4 * e.noise / e.radius)
 
 
 def _measure_plane(e: Evidence) -> Told:
-    """Readings in a plane, or nearly: the centre along its normal is not determined."""
-    counted = (e.weights > 0) | (e.weights == 0).all()
-    used, crowding = e.readings[counted], e.crowding[counted]
-    some = choose_evenly(len(used), MOST_ROWS), choose_spread_rows(crowding, most=MOST_ROWS)
-    thick, normal = max(
-        (measure_thickness(used[rows]) for rows in some), key=lambda measured: measured[0]
-    )
-    if thick > 0.1:
+    """Readings in a plane: the centre along its normal is not determined."""
+    thick, normal, used = e.flatness
+    if thick > 0.1 or not _is_plane(e):
         return None
-    axis = describe_axis(normal)
-    noise_thickness = 2.4 * e.noise / e.radius
-    move = "tilt the nose up and down and bank by 30° or more at several headings"
-    if thick >= max(0.02, 1.5 * noise_thickness):
-        tilt = np.degrees(np.arcsin(min(thick, 1.0)))
-        where = f"near one plane (normal near {axis}, tilt about {tilt:.0f}° only)"
-        return {"name": "small tilt", "where": where, "axis": axis, "more": "", "move": move}
-    arc, span, more = measure_arc_deg(used), "", ""
+    arc, span, more, move = measure_arc_deg(used), "", "", TILT
     if arc < 180.0:  # less tells neither bias nor gain in the plane
         span, more = f"on an arc of some {round(arc, -1):.0f}° ", ", nor well in the plane"
         move = "turn all the way round at several headings, with the nose up, down and banked"
-    where = f"{span}in one plane (its normal is near {axis})"
-    return {"where": where, "axis": axis, "more": more, "move": move}
+    return {"span": span, "axis": describe_axis(normal), "more": more, "move": move}
 
 
+TILT = "tilt the nose up and down and bank by 30° or more at several headings"
 STATIC = Fact(
     "static",
     _measure_rest,
@@ -123,13 +122,22 @@ PLANE = Fact(
     "plane",
     _measure_plane,
     "refuse",
-    "all readings lie {where}: bias and gain along {axis} are not determined{more}",
+    "all readings lie {span}in one plane (its normal is near {axis}): bias and gain along {axis} "
+    "are not determined{more}",
     "{move}",
+)
+SMALL_TILT = Fact(
+    "small tilt",
+    _measure_tilt,
+    "refuse",
+    "all readings lie near one plane (normal near {axis}, tilt about {tilt:.0f}° only): bias and "
+    "gain along {axis} are not determined",
+    TILT,
 )
 FEW_ORIENTATIONS = Fact(
     "few orientations",
     _count_few,
-    "check",
+    {"check": 0, "refuse": SPARE},
     "the sensor was held in {count} orientations only; the calibration has {unknowns} unknowns, "
     "{left}",
     "record {enough} orientations or more, well spread, or keep turning the sensor slowly",

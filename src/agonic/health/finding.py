@@ -70,8 +70,7 @@ Told = Mapping[str, Any] | float | None
 class Fact(NamedTuple):
     """A row of a table of facts: what `measure` finds in a subject is told where its value is above
     a limit, with the severity of the largest such limit; without limits whenever anything is found.
-    It stands in braces in `what` and `move`; a name, severity or moments in it are the finding's.
-    """
+    It stands in braces in `what` and `move`."""
 
     name: str
     measure: Callable[..., Told]
@@ -86,16 +85,17 @@ def find_facts(table: Iterable[Fact], *subject: object) -> Iterator[Finding]:
         told = fact.measure(*subject)
         if told is None:
             continue
-        words: dict[str, Any] = {"value": told} if isinstance(told, float) else dict(told)
-        severity = words.get("severity", fact.limits)
-        if isinstance(severity, Mapping):
-            above = [one for one, limit in severity.items() if words["value"] > limit]
-            severity = above[-1] if above else None
+        words: dict[str, Any] = {"value": told} if isinstance(told, float | int) else dict(told)
+        severity: Severity | None = None
+        if isinstance(fact.limits, str):
+            severity = fact.limits
+        else:
+            for name, limit in fact.limits.items():
+                severity = name if words["value"] > limit else severity
         if severity is not None:
             said = {k: Number(v) if isinstance(v, float) else v for k, v in words.items()}
             what, move = (text.format(**said) for text in (fact.what, fact.move))
-            name, moments = words.get("name", fact.name), words.get("moments", ())
-            yield Finding(name, severity, what, move, moments)
+            yield Finding(fact.name, severity, what, move)
 
 
 def sort_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:

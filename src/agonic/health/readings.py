@@ -36,16 +36,16 @@ def describe(samples: Samples) -> tuple[Finding, ...]:
 
 def check_rejected(rejected: Mapping[str, int], total: int) -> list[Finding]:
     """Rows of so many that hold no number or no time of their own, by the reason."""
-    found = []
-    for why, count in rejected.items():
-        name = (
-            "NaN" if "NaN" in why or "scalar" in why else "torn end" if "ends" in why else "clock"
+    return [
+        Finding(
+            "NaN" if "NaN" in why or "scalar" in why else "torn end" if "ends" in why else "clock",
+            "check" if (many := count > 0.01 * total and "scalar" not in why) else "note",
+            f"{count} of {total} rows were left out ({why})",
+            "look at the logger" if many else "",
         )
-        many = count > 0.01 * total and "scalar" not in why
-        what = f"{count} of {total} rows were left out ({why})"
-        move = "look at the logger" if many else ""
-        found += [Finding(name, "check" if many else "note", what, move)] if count else []
-    return found
+        for why, count in rejected.items()
+        if count
+    ]
 
 
 def _measure_stuck(samples: Samples, sticking: Sticking, axis: int) -> Told:
@@ -61,7 +61,7 @@ def _measure_stuck(samples: Samples, sticking: Sticking, axis: int) -> Told:
         what = f"{'never' if rows.all() else 'hardly ever'} changes while the others do"
         if len(samples.axes) == 3:
             move += "; with two axes it can only be used as a level compass"
-    return {"what": what, "move": move, "severity": "refuse" if dead else "check"}
+    return {"value": float(dead), "what": what, "move": move}
 
 
 def _measure_clipped(samples: Samples, sticking: Sticking) -> Told:
@@ -128,7 +128,7 @@ FACTS = (
         Fact(
             "frozen axis",
             partial(_measure_stuck, axis=axis),
-            "check",
+            {"check": -1.0, "refuse": 0.0},  # stuck for a time, dead throughout
             f"axis {name} {{what}}",
             "{move}",
         )
