@@ -51,5 +51,5 @@ def test_halves_that_point_elsewhere_refuse_a_fit(good):
     stated = replace(halves, value=20.0, limit=25.0)
     assert not [*find_refusals((stated,))]  # by no more than they state
     (refusal,) = find_refusals((replace(halves, value=20.0, passed=False),))
-    assert (refusal.name, refusal.severity) == ("halves contradict", "refuse")
+    assert (refusal.name, refusal.severity) == ("unseen parts", "refuse")
     assert "20° apart" in refusal.what

@@ -184,7 +184,7 @@ def find_refusals(checks: Sequence[Check]) -> Iterator[Finding]:
     apart = max((c.value for c in checks if c.name == HALVES and not c.passed), default=0.0)
     if apart > HALVES_REFUSED_DEG:
         yield Finding(
-            "halves contradict",
+            "unseen parts",
             "refuse",
             f"calibrations from alternate parts of the log point {figure(apart)}° apart, far more "
             "than their standard errors: the disturbances are too strong for so few orientations",
