@@ -65,6 +65,24 @@ def test_a_fault_is_named_with_its_place_and_held_by_the_error(kind, size, said)
     assert over_stated < 2.0
 
 
+@pytest.mark.parametrize(("kind", "size"), [("odd", 1000.0), ("temperature", 0.3)])
+def test_the_estimate_is_that_of_the_stations_without_the_fault(kind: str, size: float) -> None:
+    """116 to 183 nT off before, and 13 nT, within standard errors as wide."""
+    made = campaign(0, n=150, fixture_deg=1.0)
+    columns, _ = spoil(made, kind, size)
+    fit = fit_thermal(made.samples.with_columns(**columns), KNOWN, stations="known", **QUICK)
+    error = (nine(fit.calibration, AT) - nine(made.truth, AT))[:, :3]
+    assert np.sqrt(np.mean(error**2)) < 6.0
+    assert np.sqrt(np.mean((error / fit.calibration.sd_at(AT)[:, :3]) ** 2)) < 2.0
+
+
+def test_a_large_step_between_stations_is_no_change_of_the_field() -> None:
+    """Taken for one before, and good while 14 standard errors off."""
+    fit, over_stated = fit_spoilt("step", 1000.0, 0, "known", 0.0)
+    assert "bias step" in {one.name for one in fit.findings}
+    assert over_stated < 2.0
+
+
 @pytest.mark.parametrize("kind", ["step in a station", "odd", "settling", "ageing"])
 @pytest.mark.parametrize(("size", "seed"), [(100.0, 0), (1000.0, 2)])
 def test_the_magnitude_alone_is_never_good_and_wrong(kind: str, size: float, seed: int) -> None:
@@ -119,3 +137,21 @@ def test_campaigns_without_faults_raise_no_alarm(stations: str) -> None:
         assert not {one.name for one in fit.findings} & FAULTS
         z = (nine(fit.calibration, AT) - nine(made.truth, AT)) / fit.calibration.sd_at(AT)
         assert np.sqrt(np.mean((z / ([1.0] * 3 + [FIELD] * 6)) ** 2)) < 1.8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_across_the_field_is_no_step_within_a_station(seed: int) -> None:
+    """Columns at the readings held their noise: two opposite steps in station 7, 2 to 4 sd off."""
+    made = campaign(seed, n=3600, noise=400.0)
+    fit = fit_thermal(made.samples, KNOWN)
+    assert not {one.name for one in fit.findings} & FAULTS
+    z = (nine(fit.calibration, AT) - nine(made.truth, AT)) / fit.calibration.sd_at(AT)
+    assert np.sqrt(np.mean((z / ([1.0] * 3 + [FIELD] * 6)) ** 2)) < 1.8
+
+
+def test_a_large_step_within_a_station_is_named_in_it() -> None:
+    """Its station was left out before, and a step named between two others."""
+    fit, over_stated = fit_spoilt("step in a station", 1000.0, 0, "known")
+    assert any("in station 6" in one.what for one in fit.findings if one.name == "bias step")
+    assert over_stated < 2.5

@@ -49,22 +49,15 @@ def estimate_common_mode(series: Array) -> CommonMode:
     flat = series.reshape(s, -1)
     product = flat @ flat.T / flat.shape[1]
     between = float((product.sum() - np.trace(product)) / (s * (s - 1)))
-    own = _own(product, between)
+    size = np.diag(product)
+    own = size - between  # of two, whose differences cannot be shared out
+    if s > 2:
+        apart = size[:, None] + size[None, :] - 2 * product
+        own = (apart.sum(axis=1) - apart.sum() / (2 * (s - 1))) / (s - 2)
     least = max(float(np.max(own)) * 1e-3, np.finfo(float).tiny)
     weight = 1 / np.maximum(own, least)
     common = np.tensordot(weight / weight.sum(), series, axes=1)
     return CommonMode(common, float(np.sqrt(max(between, 0.0))), np.sqrt(np.maximum(own, 0.0)))
-
-
-def _own(product: Array, between: float) -> Array:
-    """The variance of each one's own, from the differences of pairs; two cannot be told so."""
-    s = len(product)
-    size = np.diag(product)
-    if s == 2:
-        return np.asarray(size - between)
-    apart = size[:, None] + size[None, :] - 2 * product
-    total = apart.sum() / (2 * (s - 1))
-    return np.asarray((apart.sum(axis=1) - total) / (s - 2))
 
 
 _DISAGREE_SD, _DISAGREE_DEG = 5.0, 0.5
@@ -189,7 +182,8 @@ def find_chamber_field(
     turns = rotations if known else None
     begun, width = _find_clock([seen.cells for seen in clocked.values()])
     made = [_average_windows(seen, turns, begun, width) for seen in clocked.values()]
-    keys = _find_shared([windows.key for windows in made])
+    shared, times = np.unique(np.concatenate([one.key for one in made]), return_counts=True)
+    keys = shared[times == len(made)]
     if not len(keys):
         return None
     station = keys // WINDOWS
@@ -207,19 +201,17 @@ def find_chamber_field(
         change=found.common,
         common_sd=found.common_sd,
         shares=tuple(
-            _describe_share(name, values, float(v), found.common, float(own))
-            for name, values, v, own in zip(clocked, series, noise, found.own_sd, strict=True)
+            Share(
+                name=name,
+                total_sd=float(np.sqrt(np.mean(values**2))),
+                noise_sd=float(np.sqrt(variance)),
+                own_sd=float(np.sqrt(max(own**2 - variance, 0.0))),
+                own=values - found.common,
+            )
+            for name, values, variance, own in zip(
+                clocked, series, noise, found.own_sd, strict=True
+            )
         ),
-    )
-
-
-def _describe_share(name: str, values: Array, noise: float, common: Array, own_sd: float) -> Share:
-    return Share(
-        name=name,
-        total_sd=float(np.sqrt(np.mean(values**2))),
-        noise_sd=float(np.sqrt(noise)),
-        own_sd=float(np.sqrt(max(own_sd**2 - noise, 0.0))),
-        own=values - common,
     )
 
 
@@ -247,8 +239,8 @@ def _average_windows(
     values = np.linalg.norm(field, axis=1)[:, None]
     if turns is not None:
         assert seen.fit.fixture is not None
-        in_box = seen.fit.fixture.mounting.apply(field)
-        values = _rotate_to_chamber(in_box, cells.number, turns)
+        stood = Rotation.concatenate([turns[number] for number in cells.number.tolist()])
+        values = (stood * seen.fit.fixture.mounting).apply(field)
     since = cells.time - np.array([begun[int(number)] for number in cells.number])
     place = np.minimum((since / width).astype(np.int64), WINDOWS - 1)
     key, where = np.unique(cells.number * WINDOWS + place, return_inverse=True)
@@ -256,20 +248,6 @@ def _average_windows(
     sums = np.stack([np.bincount(where, cells.n * column) for column in values.T], axis=1)
     gain = calibration.mean_gain
     return _Windows(key, sums / count[:, None], (gain * seen.fit.noise) ** 2 / count)
-
-
-def _rotate_to_chamber(in_box: Array, number: Index, turns: Mapping[int, Rotation]) -> Array:
-    made = np.empty_like(in_box)
-    for station in np.unique(number):
-        rows = number == station
-        made[rows] = turns[int(station)].apply(in_box[rows])
-    return made
-
-
-def _find_shared(keys: list[Index]) -> Index:
-    """The windows that all sensors saw."""
-    found, times = np.unique(np.concatenate(keys), return_counts=True)
-    return np.asarray(found[times == len(keys)])
 
 
 def _centre(values: Array, station: Index) -> Array:

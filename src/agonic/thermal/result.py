@@ -16,13 +16,14 @@ from agonic.readable import Readable
 from agonic.reference import Reference
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.common_mode import ChamberField
+from agonic.thermal.fit.each_temperature import FEWEST
 from agonic.thermal.fit.evidence import compute_spread
 from agonic.thermal.fit.fit import fit_binned
 from agonic.thermal.fit.problem import Stations
 from agonic.thermal.fit.readings import Facts
 from agonic.thermal.fit.result import Positions, Spread, ThermalFit
+from agonic.thermal.fit.station_faults import TOLD
 from agonic.thermal.maths.binned_sums import Binned, Cells
-from agonic.thermal.maths.ellipsoids import FEWEST
 
 FOLDS = 4
 """Of twelve stations each fit leaves three out; the nine that are left still see all faces."""
@@ -83,7 +84,7 @@ def cross_validate(
         "degree": fit.calibration.degree,
         "drift": fit.drift is not None,
         "rate": fit.calibration.rate is not None,
-        "faults": False,  # they move no coefficient
+        "faults": bool({one.name for one in fit.findings} & {one.name for one in TOLD.values()}),
     }
     cells = sums.cells()
     coarser = max(1, (int(np.ptp(cells.bin)) + 1) // FEWEST_BINS)

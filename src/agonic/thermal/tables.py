@@ -31,7 +31,7 @@ from agonic.thermal.campaign.description import join_numbers
 from agonic.thermal.checks.boards import Board, list_boards
 from agonic.thermal.common_mode import ChamberField
 from agonic.thermal.fit.evidence import find_worst_sd
-from agonic.thermal.fit.result import Anomaly, Hysteresis, Positions, Spread, ThermalFit
+from agonic.thermal.fit.result import Anomaly, Hysteresis, Spread, ThermalFit
 from agonic.thermal.result import CalibratedCampaign, CalibratedSensor, HeldOut
 
 _MOST_TIMES = 5
@@ -91,22 +91,14 @@ def list_ratios(
         rows.append(row([sensor.name, *cells]))
         if sensor.name in beside:
             other = [f"{float(ratio):.2f}" for ratio in beside[sensor.name]]
-            rows.append(_list_beside(words, other, len(head)))
+            cells = [*other, *[""] * (len(head) - 1 - len(other))]
+            name = element("th", words, scope="row")
+            rows.append(element("tr", name, *(element("td", c) for c in cells), class_="beside"))
     return element(
         "table",
         element("thead", element("tr", *(element("th", h, scope="col") for h in head))),
         element("tbody", *rows),
         class_="ratios",
-    )
-
-
-def _list_beside(words: str, values: list[str], width: int) -> Markup:
-    cells = [*values, *[""] * (width - 1 - len(values))]
-    return element(
-        "tr",
-        element("th", words, scope="row"),
-        *(element("td", cell) for cell in cells),
-        class_="beside",
     )
 
 
@@ -282,7 +274,15 @@ def list_campaign_values(result: CalibratedCampaign) -> dict[str, Any]:
         "reason": result.reason,
         "stations": result.campaign.stations,
         "rows": result.campaign.rows,
-        "positions": result.positions and _list_positions(result.positions),
+        "positions": result.positions
+        and {
+            str(number): {
+                "turn_deg": turn,
+                "sd_deg": result.positions.turn_sd_deg[number],
+                "field_direction": result.positions.direction[number],
+            }
+            for number, turn in result.positions.turn_deg.items()
+        },
         "boards": [board._asdict() for board in list_boards(result.campaign)],
         "chamber_field": chamber
         and {
@@ -293,17 +293,6 @@ def list_campaign_values(result: CalibratedCampaign) -> dict[str, Any]:
                 for share in chamber.shares
             },
         },
-    }
-
-
-def _list_positions(positions: Positions) -> dict[str, Any]:
-    return {
-        str(number): {
-            "turn_deg": turn,
-            "sd_deg": positions.turn_sd_deg[number],
-            "field_direction": positions.direction[number],
-        }
-        for number, turn in positions.turn_deg.items()
     }
 
 

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from agonic.maths.equation import temperature_model
 from agonic.maths.equation.affine import FREE, SYMMETRIC, correction_jacobian, model_basis
 from agonic.maths.estimation import leastsq
+from agonic.thermal.fit.each_temperature import fit_ellipsoids
 from agonic.thermal.fit.known_field_model import KnownFieldReadings, choose_model
 from agonic.thermal.fit.problem import Scale, Settings
 from agonic.thermal.maths import (
@@ -15,7 +16,6 @@ from agonic.thermal.maths import (
     station_residuals,
     stations,
 )
-from agonic.thermal.maths.ellipsoids import fit_ellipsoids
 from agonic.thermal.maths.prior import make_prior
 from agonic.thermal.maths.stations import list_standard_rotations
 

@@ -127,11 +127,8 @@ class Campaign(Readable):
         return clock
 
     def _epoch(self, number: int) -> float:
-        for by in self.recordings.values():
-            if number in by and by[number].epoch is not None:
-                epoch = by[number].epoch
-                return 0.0 if epoch is None else epoch.timestamp()
-        return 0.0
+        epochs = (by[number].epoch for by in self.recordings.values() if number in by)
+        return next((epoch.timestamp() for epoch in epochs if epoch is not None), 0.0)
 
     def without(self, left_out: Mapping[str, set[int]], *found: Finding) -> Campaign:
         """The campaign without some recordings, and with the findings that say why."""

@@ -80,7 +80,7 @@ def fit_thermal(
     soft_iron_sd : prior on what makes W differ from a multiple of the identity; it only matters
         where stations are missing.
     faults : look for what was not the same at all stations: an odd one, a step of the bias. What
-        was found is named, and in the standard errors.
+        was found is named, and the fit is that beside it.
     unseen_change_sd : by how much of itself the field may have changed from each station to the
         next. The magnitude alone hardly shows that; its standard errors allow for it, and for what
         it does show. The status says what 0.3 % would do unseen.

@@ -14,9 +14,9 @@ from agonic.health import Finding, figure
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.thermal.campaign.description import name_stations
+from agonic.thermal.fit.each_temperature import FEWEST
 from agonic.thermal.fit.problem import Settings
 from agonic.thermal.maths.binned_sums import Binned, StationRecord
-from agonic.thermal.maths.ellipsoids import FEWEST
 from agonic.thermal.maths.thermometer import CALM_C, Smoothed, smooth_thermometer
 
 KELVIN = 273.15

@@ -14,12 +14,12 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import estimate
 from agonic.maths.estimation.leastsq import inverse
 from agonic.thermal.fit.each_temperature import (
+    FEWEST,
     EachTemperature,
     choose_degree,
     fit_each_temperature,
 )
 from agonic.thermal.fit.problem import NO_LAG, ChamberReadings, Settings, make_problem
-from agonic.thermal.maths.ellipsoids import FEWEST
 from agonic.thermal.maths.estimate import (
     StationEstimate,
     estimate_by_magnitude,
@@ -28,7 +28,6 @@ from agonic.thermal.maths.estimate import (
 from agonic.thermal.maths.station_faults import (
     PLAUSIBLE,
     Faults,
-    allow_for_unseen_changes,
     find_faults,
     measure_shown_change,
 )
@@ -119,13 +118,16 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
         problem = problem._replace(phi=problem.phi[:, :-1], rate=False)
         whole = _estimate(problem, whole, whole.coefficients[:-3])
     drifting, ageing = _test_trends(readings, whole)
-    faults = _find_faults(readings, problem, whole, settings)
+    # what is left of a thermometer's noise looks like small faults
+    look = settings.faults and not readings.thermometer_C
     changed = max(settings.unseen_change_sd, measure_shown_change(whole))
-    allowed, unseen = allow_for_unseen_changes(
-        problem, whole, readings.cells.time, (changed, PLAUSIBLE)
-    )
+    faults = find_faults(problem, whole, readings.cells.time, (changed, PLAUSIBLE), look)
+    allowed, unseen = faults.unseen
     return Solution(
-        estimate=whole._replace(covariance=whole.covariance + faults.covariance + allowed),
+        estimate=whole._replace(
+            coefficients=faults.coefficients,
+            covariance=faults.covariance + allowed,
+        ),
         problem=problem,
         separate=fit_each_temperature(readings, problem, whole.coefficients),
         tests=tuple(term.test for term in (lag, drifting, ageing) if term is not None),
@@ -135,18 +137,6 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
         faults=faults,
         unseen=unseen,
     )
-
-
-def _find_faults(
-    readings: ChamberReadings, problem: StationProblem, whole: StationEstimate, settings: Settings
-) -> Faults:
-    """What was not the same at all stations, and what that joins to the covariance.
-
-    Nothing where the thermometer scatters: what is left of its errors looks like small faults.
-    """
-    if readings.thermometer_C or not settings.faults:
-        return Faults((), np.zeros_like(whole.covariance))
-    return find_faults(problem, whole, readings.cells.time)
 
 
 def find_start(problem: StationProblem) -> Array:

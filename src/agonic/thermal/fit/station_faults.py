@@ -10,16 +10,16 @@ from agonic.health import Finding, figure
 from agonic.thermal.campaign.description import Told
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
-from agonic.thermal.maths.fault_scores import (
+from agonic.thermal.maths.gaussian_process import STEADY
+from agonic.thermal.maths.station_faults import (
     AGEING,
     ODD,
     SETTLING,
     STEP,
     THERMOMETER,
     UNSETTLED,
+    Fault,
 )
-from agonic.thermal.maths.gaussian_process import STEADY
-from agonic.thermal.maths.station_faults import Fault
 
 _HOUR = 3600.0
 _DIFFERENT = 10.0
@@ -28,20 +28,17 @@ _DIFFERENT = 10.0
 
 def judge_faults(result: Solution, readings: ChamberReadings) -> list[Finding]:
     """Each fault with its place, its time, its size, and what to do."""
-    return [
-        *(_judge(fault, readings) for fault in result.faults.found),
-        *(_judge_left_out(station, readings) for station in result.faults.left_out),
-        *_find_differing(result, readings),
+    left_out = [
+        Finding(
+            "odd station",
+            "check",
+            f"{_name_station(place, readings)} does not fit the others at all and was left out",
+            "see whether another sensor was read there, or its axes exchanged, and record it again",
+        )
+        for place in result.faults.left_out
     ]
-
-
-def _judge_left_out(place: int, readings: ChamberReadings) -> Finding:
-    return Finding(
-        "odd station",
-        "check",
-        f"{_name_station(place, readings)} does not fit the others at all and was left out",
-        "see whether another sensor was read there, or its axes exchanged, and record it again",
-    )
+    found = [_judge(fault, readings) for fault in result.faults.found]
+    return [*found, *left_out, *_find_differing(result, readings)]
 
 
 def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding]:
@@ -73,8 +70,8 @@ _HOLD_LONGER = (
 TOLD: Mapping[str, Told] = {
     ODD: Told(
         "odd station",
-        "at {station} the bias is {amount} away from that of the other stations, which the "
-        "standard error contains",
+        "at {station} the bias is {amount} away from that of the other stations; the "
+        "calibration is corrected for it",
         "see whether iron, a cable or another sensor was there, and record it again or leave it "
         "out",
     ),
@@ -92,19 +89,19 @@ TOLD: Mapping[str, Told] = {
     ),
     SETTLING: Told(
         "settling",
-        "the bias began {amount} off and settled over {hours}, which the standard error contains",
+        "the bias began {amount} off and settled over {hours}; the calibration is corrected for it",
         "let the sensor settle before the first station, or leave the first stations out",
     ),
     THERMOMETER: Told(
         "odd temperature",
-        "at {station} the sensor was {away} °C away from what its thermometer said, which the "
-        "standard error contains",
+        "at {station} the sensor was {away} °C away from what its thermometer said; the "
+        "calibration is corrected for it",
         _HOLD_LONGER,
     ),
     UNSETTLED: Told(
         "odd temperature",
-        "at {station} the sensor was at first {away} °C away from what its thermometer said, "
-        "which the standard error contains",
+        "at {station} the sensor was at first {away} °C away from what its thermometer said; "
+        "the calibration is corrected for it",
         _HOLD_LONGER,
     ),
 }

@@ -83,6 +83,13 @@ class StationSpaces(NamedTuple):
             [q.T @ values[rows] for q, rows in zip(self.bases, self.rows, strict=True)]
         )
 
+    def expand(self, values: Array) -> Array:
+        """Residuals (n,) or a Jacobian (n, p) of their parts (c, …) in the bases."""
+        out = np.zeros((sum(map(len, self.rows)), *values.shape[1:]))
+        for at, rows, basis in zip(self.parts, self.rows, self.bases, strict=True):
+            out[rows] = basis @ values[at]
+        return out
+
     @property
     def parts(self) -> list[slice]:
         """Where each station is in the bases."""
@@ -173,21 +180,11 @@ def whiten(spaces: StationSpaces, sd: float, axes: tuple[Array, Array], values: 
     """
     size, axis = axes
     less = 1 - 1 / np.sqrt(1 + sd**2 * size)
-    part = axis @ (less * (axis.T @ spaces.within(values)).T).T
-    out = values.copy()
-    for at, rows, basis in zip(spaces.parts, spaces.rows, spaces.bases, strict=True):
-        out[rows] -= basis @ part[at]
-    return out
+    return values - spaces.expand(axis @ (less * (axis.T @ spaces.within(values)).T).T)
 
 
 def find_principal_axes(spaces: StationSpaces, kind: Kind) -> tuple[Array, Array]:
     """Variances (c,) of a process of unit variance in the bases, and their directions (c, c)."""
-    size, axis = eigh(_project_covariance(spaces, kind), check_finite=False, driver="evd")
-    return np.maximum(size, 0.0), axis
-
-
-def _project_covariance(spaces: StationSpaces, kind: Kind) -> Array:
-    """Covariance (c, c) in the bases of a process of unit variance."""
     blocks = compute_covariance(spaces.course, kind)
     k, s = blocks.shape[:2]
     axes = spaces.triangles[0].shape[1] // s
@@ -198,7 +195,8 @@ def _project_covariance(spaces: StationSpaces, kind: Kind) -> Array:
         for n, (at, r) in enumerate(zip(spaces.parts, own, strict=True)):
             wide[at, n * s : (n + 1) * s] = r
         total += wide @ blocks.reshape(k * s, k * s) @ wide.T
-    return total
+    size, axis = eigh(total, check_finite=False, driver="evd")
+    return np.maximum(size, 0.0), axis
 
 
 def predict_changes(

@@ -1,52 +1,102 @@
-"""A sensor that was not the same at all stations: an odd station, a step, a bias that settles.
+"""What was not the same at all stations, as terms beside a fit: odd stations, steps, settling.
 
-Every kind of fault adds columns G to the Jacobian J of the residuals z, and numbers b to what is
-unknown. With C the covariance of the fit, nothing is fitted again:
+Every fault that a campaign may have is a term of `model.average`: its columns are how the residuals
+follow one of size one. Slow changes of the field are terms as well, one for each kind of process.
+All share what the estimate left over in one likelihood, and the likeliest are there. The estimate
+moves to where it is beside them; the covariance is what the readings tell beside them.
 
-    z + J δ + G b,   M = 1 − J C Jᵀ,   b = −(GᵀMG)⁻¹ GᵀM z,   δ = −C JᵀG b,   q = bᵀ(GᵀMG) b
-
-q is Rao's (1948) score statistic, χ² where there is no fault; how many faults were looked for
-counts. δ is what the coefficients would change by if the fault were in the model: by so much they
-may be wrong.
-
-Twelve magnitudes less nine numbers leave three: a field, or a gain, that is another from one
-station on looks in most of its parts like another calibration, and hardly shows. What little shows
-tells how much did not.
+Twelve magnitudes less nine numbers leave three: a field, or a gain, that changes from one station
+on looks in most of its components like another calibration. The small part that shows tells the
+size of the rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from agonic.arrays import Array
-from agonic.maths.estimation import leastsq
-from agonic.thermal.maths.estimate import IMPLAUSIBLE, StationEstimate
-from agonic.thermal.maths.fault_scores import (
-    AGEING,
-    SETTLING,
-    STEP,
-    Candidate,
-    LinearisedFit,
-    change_fields,
-    linearise,
-    list_candidates,
-    list_moments,
-    make_columns,
-    score_faults,
-    with_offsets,
+from agonic.maths.equation import temperature_model
+from agonic.maths.estimation.noise.residuals import robust_scale
+from agonic.model.average import EVIDENCE, Base, Group, Prior, choose, mix, price, rate, solve
+from agonic.model.terms.time import TIME
+from agonic.thermal.maths import gaussian_process
+from agonic.thermal.maths.estimate import IMPLAUSIBLE, LIKELY, OUTLIER, RARE, StationEstimate
+from agonic.thermal.maths.gaussian_process import STEADY, GaussianProcess, Kind, StationSpaces
+from agonic.thermal.maths.prior import make_prior
+from agonic.thermal.maths.station_residuals import (
+    State,
+    StationProblem,
+    collect_parameters,
+    find_feet,
+    make_pieces,
+    project_changes,
 )
-from agonic.thermal.maths.gaussian_process import STEADY, GaussianProcess
-from agonic.thermal.maths.station_residuals import StationProblem, make_whitener
 
 PLAUSIBLE = 0.003
 """Of the field: what it may change by from one hour to another in a building, if nobody watches."""
 _BOUND = float((3.0 / chdtri(3, 0.95)) ** 0.5)
 """A standard deviation that three numbers tell is below 2.9 times theirs with 95 %."""
+ODD, STEP, SETTLING, AGEING = "odd", "step", "settling", "ageing"
+THERMOMETER, UNSETTLED = "thermometer", "unsettled"
+OF_TEMPERATURE, OF_ALL = (THERMOMETER, UNSETTLED), (STEP, SETTLING, AGEING)
+"""Faults of the temperature, where the others are of the bias; and those not of one station."""
+SMOOTH: Kind = ("smooth", 0.7)
+"""Slow changes of the field, where the estimate has none of their own."""
+ODDS = 2e-3
+"""How often a campaign has a fault of one kind at one place. Assumed: with some 40 places, one
+campaign in twelve has a fault."""
+WARM = 0.01
+"""Scale of a thermometer's error, of half the range: 0.3 °C of 30."""
+CHANGES = 1e-3
+"""Scale of slow changes of the field, of itself, which every second chamber has."""
+DECAYS = (0.02, 0.06, 0.2)
+"""Time constants of a bias that settles, of the whole campaign."""
+_UNSETTLED = 0.1  # of a station's recording: how long a temperature takes to settle
+_MOMENTS = 30  # of a step, about the one that was found: nearer is the same to the readings
+_PARTS = (16, 8, 4)  # of a station, over which memory is looked for
+_ROUNDS = 2  # until a fault is found it is scatter and memory
+_NOTHING = 0.1  # weight of a station that the robust loss left out
+_SMALL, _SAME = 1e-9, 0.01  # of the largest axis: rounding; of a weight: alike in a station
+_KNOWN = 1e-4
+"""Of its information: columns are known to 1 %, for they contain the readings' noise."""
+LARGEST = 15.0
+"""Of a fault, over its scale: 0.03 of the field, or 4.5 °C of 60."""
+
+
+class Candidate(NamedTuple):
+    """A fault to look for: `weight` (m,) of it at each mean.
+
+    `station` is the odd one, or that in which or before which a step came; `time` the first time
+    (s) with the fault; of a bias that settles, its time constant.
+    """
+
+    kind: str
+    weight: Array
+    station: int = 0
+    time: float = np.nan
+
+
+class Fault(NamedTuple):
+    """What was found, with its normalised size: (3,) of the bias, (1,) of the temperature."""
+
+    candidate: Candidate
+    size: Array
+
+
+class Faults(NamedTuple):
+    """All that were found, the coefficients (a,) beside them, and their covariance (a, a). `unseen`
+    (a, a) are what changes of the field that hardly show add to it, `left_out` stations of which
+    the robust loss had left nothing."""
+
+    found: tuple[Fault, ...]
+    coefficients: Array
+    covariance: Array
+    unseen: tuple[Array, ...] = ()
+    left_out: tuple[int, ...] = ()
 
 
 def measure_shown_change(estimate: StationEstimate) -> float:
@@ -57,34 +107,341 @@ def measure_shown_change(estimate: StationEstimate) -> float:
     return _BOUND * slow.sd if estimate.poses is None and slow.kind == STEADY else 0.0
 
 
-def allow_for_unseen_changes(
-    problem: StationProblem, estimate: StationEstimate, time: Array, sds: Sequence[float]
-) -> list[Array]:
-    """What joins the covariance (a, a) of the coefficients, where the field takes a random step of
-    each of `sds` (over the field) from each station to the next; `time` (m,) of the means, s.
-
-        ΔC = (Jᵀ V⁻¹ J + P)⁻¹ − (JᵀJ + P)⁻¹,   V = 1 + σ² S Sᵀ
-
-    with the whitened Jacobian J, the prior P, and what each step does to the residuals, S. Parts of
-    a step that would show count no more than the noise lets them.
+def list_candidates(problem: StationProblem, time: Array) -> Iterator[Candidate]:
+    """Odd stations, thermometers that are off, and, where times are known, temperatures that had
+    not settled, steps between stations and in the middle of each, and biases that age or settle.
     """
-    a = problem.layout.shape[1]
-    if problem.turns_known or problem.stations < 2:
-        return [np.zeros((a, a)) for _ in sds]
-    fit = linearise(problem, estimate, time, ())
-    later = _rank_stations(problem, time)[:, None] >= np.arange(1, problem.stations)
-    steps = change_fields(fit, later)
-    whiten = make_whitener(problem, fit.state._replace(slow=fit.slow))
-    rows, (_, by) = whiten(np.hstack([fit.jacobian, steps])), fit.prior
-    known, told, steady = by.T @ by, rows.T @ rows, np.eye(problem.stations - 1)
-    n = len(known)
-    at_rest = leastsq.inverse(told[:n, :n] + known)[:a, :a]
-    return [
-        leastsq.inverse(told + block_diag(known, steady / sd**2))[:a, :a] - at_rest
-        if sd > 0.0
-        else np.zeros((a, a))
-        for sd in sds
+    stations = range(problem.stations) if problem.stations > 1 else ()
+    for k in stations:
+        own = (problem.station == k).astype(np.float64)
+        yield Candidate(ODD, own, k)
+        if problem.degree:
+            yield Candidate(THERMOMETER, own, k)
+    if not np.isfinite(time).all() or np.ptp(time) == 0.0:
+        return
+    first = [float(time[problem.station == k].min()) for k in stations]
+    order = sorted(stations, key=lambda k: first[k])
+    for k in order:
+        own = problem.station == k
+        begins, ends = first[k], float(time[own].max())
+        if problem.degree:
+            since = np.maximum(time - begins, 0.0) / (_UNSETTLED * max(ends - begins, 1e-9))
+            yield Candidate(UNSETTLED, np.asarray(own * np.exp(-since), dtype=np.float64), k)
+        for moment in ((begins + ends) / 2,) if k == order[0] else (begins, (begins + ends) / 2):
+            yield Candidate(STEP, np.where(time >= moment, 0.5, -0.5), k, moment)
+    since = (time - time.min()) / float(np.ptp(time))
+    yield Candidate(AGEING, since - 0.5, order[-1])
+    for share in DECAYS:
+        yield Candidate(SETTLING, np.exp(-since / share), order[0], share * float(np.ptp(time)))
+
+
+def _list_moments(problem: StationProblem, step: Candidate, time: Array) -> Iterator[Candidate]:
+    """A step at moments about that of a candidate, as far as half of a station away."""
+    reach = 0.55 * float(np.ptp(time[problem.station == step.station]))
+    near = np.unique(time[np.abs(time - step.time) <= reach])
+    for moment in near[:: max(len(near) // _MOMENTS, 1)][1:]:
+        place = int(problem.station[np.argmin(np.abs(time - moment))])
+        yield Candidate(STEP, np.where(time >= moment, 0.5, -0.5), place, float(moment))
+
+
+class _Linear(NamedTuple):
+    """The fit about its estimate: residuals (n,) that are to be explained, their Jacobian (n, p)
+    and prior; how they follow a temperature (n,) and a field (n,) that are more by all of
+    themselves; the stations' spaces; kinds of slow changes, and those that the estimate has."""
+
+    problem: StationProblem
+    left: Array
+    jacobian: Array
+    prior: Prior
+    by_temperature: Array
+    by_field: Array
+    spaces: StationSpaces | None
+    kinds: tuple[Kind, ...]
+    slow: dict[int, float]
+
+    def make_columns(self, candidate: Candidate) -> Array:
+        """How residuals follow a fault of size one, (n, 3) or (n, 1)."""
+        p = self.problem.degree + 1
+        by = self.jacobian[:, [0, p, 2 * p]]
+        if candidate.kind in OF_TEMPERATURE:
+            by = self.by_temperature[:, None]
+        return np.asarray(by * np.resize(candidate.weight, len(by))[:, None])
+
+
+def _linearise(
+    problem: StationProblem, estimate: StationEstimate, left_out: tuple[int, ...]
+) -> _Linear:
+    """The fit without the stations that were left out."""
+    state = State(
+        estimate.coefficients,
+        estimate.drift,
+        estimate.ageing,
+        estimate.poses,
+        estimate.excess,
+        estimate.fixture_sd,
+        GaussianProcess(),
+        np.zeros((0, 0)),
+    )
+    params = collect_parameters(state, problem.layout.shape[1])
+    feet = find_feet(problem, state)
+    z, _ = next(iter(make_pieces(problem, state)(params)))
+    _, jacobian = next(iter(make_pieces(problem._replace(points=feet), state)(params)))
+    axes, p = len(z) // len(problem.points), problem.degree + 1
+    used = np.tile(~np.isin(problem.station, left_out), axes)
+    jacobian = jacobian * used[:, None]
+    expected, by = make_prior(problem, state)(params)
+    powers = np.arange(1, p)
+    curves = state.coefficients[: 9 * p].reshape(9, p)[:, 1:] * powers
+    slopes = problem.phi[:, 1:2] ** (powers - 1) @ curves.T
+    bias, _ = temperature_model.evaluate_local(state.coefficients, problem.layout, problem.phi)
+    field = np.tile(feet - bias, (axes, 1))
+    slow, timed = estimate.slow, problem.course is not None
+    kinds = (STEADY, SMOOTH if slow.kind in (STEADY, SMOOTH) else slow.kind)
+    return _Linear(
+        problem,
+        -z * used,
+        jacobian,
+        Prior(by.T @ by, -expected @ by, float(expected @ expected)),
+        np.sum(jacobian[:, : 9 * p : p] * np.tile(slopes, (axes, 1)), axis=1),
+        np.sum(jacobian[:, [0, p, 2 * p]] * field, axis=1),
+        project_changes(problem, state) if timed else None,
+        kinds if timed else (),
+        {kinds.index(slow.kind): slow.sd} if slow.sd > 0.0 and timed else {},
+    )
+
+
+class _Terms(NamedTuple):
+    """Terms beside a fit, with cross-products of parameters, terms and residuals: first `changes`
+    from each station on, then slow changes by kind, then the faults."""
+
+    changes: Group
+    groups: list[Group]
+    candidates: list[Candidate]
+    gram: Array
+    dense: Array
+    roots: Array
+
+    def find(self, group: int) -> Candidate | None:
+        """The fault that a group is, or None where it is slow changes."""
+        at = group - (len(self.groups) - len(self.candidates))
+        return self.candidates[at] if at >= 0 else None
+
+    def select_faults(self, there: Iterable[int], every: Array | None = None) -> list[int]:
+        """The faults among groups; those alone that are larger than any sensor has, where the
+        estimates of `every` unknown are given."""
+        faults = [i for i in there if self.find(i) is not None]
+        if every is None:
+            return faults
+        of = self.groups
+        return [i for i in faults if np.linalg.norm(every[of[i].columns]) > LARGEST * of[i].scale]
+
+    def keep_apart(self, there: Mapping[int, float], near: float) -> dict[int, float]:
+        """Of steps at about the same moment the likeliest alone: others would share in it."""
+        kept, moments = dict[int, float](), list[float]()
+        for i, size in there.items():
+            one = self.find(i)
+            if one is not None and one.kind == STEP:
+                if any(abs(one.time - other) < near for other in moments):
+                    continue
+                moments.append(one.time)
+            kept[i] = size
+        return kept
+
+
+def _list_terms(fit: _Linear, time: Array, candidates: Sequence[Candidate], left: Array) -> _Terms:
+    """The terms of candidates, for residuals (n,) whose outliers are bounded; by the magnitude
+    alone of those that are not the same throughout each station."""
+    problem = fit.problem
+    each = [problem.station == k for k in range(problem.stations)]
+    candidates = [
+        one
+        for one in candidates
+        if problem.turns_known
+        or one.kind in OF_TEMPERATURE
+        or any(np.ptp(one.weight[own]) > _SAME for own in each)
     ]
+    later = _rank_stations(problem, time)[:, None] >= np.arange(problem.stations)
+    steps = fit.by_field[:, None] * np.resize(later, (len(left), later.shape[1]))
+    own = [fit.make_columns(each) for each in candidates]
+    dense = np.hstack([fit.jacobian, steps, *own, left[:, None]])
+    first = fit.jacobian.shape[1]
+    at = first + steps.shape[1]
+    changes = Group("changes", np.arange(first, at), PLAUSIBLE, 1.0, 1.0)
+    first, groups, roots = at, list[Group](), [np.zeros((0, 0))]
+    spread = np.zeros((0, dense.shape[1]))
+    if fit.spaces is not None:
+        spread, roots = fit.spaces.within(dense), []
+        for kind in fit.kinds:
+            size, axis = gaussian_process.find_principal_axes(fit.spaces, kind)
+            kept = size > _SMALL * size.max()
+            roots.append(axis[:, kept] * np.sqrt(size[kept]))
+            odds = RARE if kind == STEADY else LIKELY
+            groups.append(Group(kind[0], at + np.arange(kept.sum()), CHANGES, odds, 20.0))
+            at += int(kept.sum())
+    for one, columns in zip(candidates, own, strict=True):
+        scale = WARM if one.kind in OF_TEMPERATURE else TIME[0].scale
+        groups.append(Group(one.kind, at + np.arange(columns.shape[1]), scale, ODDS, LARGEST))
+        at += columns.shape[1]
+    curves = np.hstack(roots)
+    inner, across, before = dense.T @ dense, curves.T @ spread, slice(first)
+    gram = np.block(
+        [
+            [inner[before, before], across[:, before].T, inner[before, first:]],
+            [across[:, before], curves.T @ curves, across[:, first:]],
+            [inner[first:, before], across[:, first:].T, inner[first:, first:]],
+        ]
+    )
+    return _Terms(changes, groups, candidates, gram, dense, curves)
+
+
+def _bound_outliers(
+    fit: _Linear, terms: _Terms, there: Mapping[int, float], time: Array
+) -> tuple[Array, float]:
+    """The residuals (n,) with outliers bounded, and the variance of what terms leave of them, by
+    means over parts of a station too, which is more where it has memory."""
+    offsets = {} if fit.problem.turns_known else {len(terms.groups): IMPLAUSIBLE}
+    base = solve(terms.gram, fit.prior, [*terms.groups, terms.changes], {**there, **offsets})
+    found = _place(base, len(terms.gram))
+    first, slow = terms.changes.columns[-1] + 1, terms.roots.shape[1]
+    left = fit.left - terms.dense[:, :-1] @ np.delete(found[:-1], slice(first, first + slow))
+    if fit.spaces is not None:
+        left = left - fit.spaces.expand(terms.roots @ found[first : first + slow])
+    order = np.lexsort((time, fit.problem.station))
+    scale = max(robust_scale(left), 1.0)
+    bounded = np.clip(left, -OUTLIER * scale, OUTLIER * scale)
+    rows = bounded.reshape(-1, len(order))[:, order]
+    lengths = {max(len(order) // (fit.problem.stations * parts), 1) for parts in _PARTS}
+    sums = [np.add.reduceat(rows, np.arange(0, len(order), each), axis=1) for each in lengths]
+    memory = max(float(np.sum(each**2)) / left.size for each in sums)
+    return fit.left - left + bounded, max(scale**2, memory)
+
+
+def find_faults(
+    problem: StationProblem,
+    estimate: StationEstimate,
+    time: Array,
+    changes: Sequence[float] = (),
+    look: bool = True,
+) -> Faults:
+    """What was not the same at all stations, and what the coefficients may be off by unseen.
+
+    Parameters: `time` (m,) of the means, s; `changes` standard deviations, over the field, of a
+    random step that it takes from each station to the next, allowed for where the magnitude alone
+    is known; whether to look for faults.
+    """
+    left_out = _find_stations_left_out(problem, estimate) if look else ()
+    fit = _linearise(problem, estimate, left_out)
+    candidates = [
+        one
+        for one in (list_candidates(problem, time) if look else ())
+        if one.kind in OF_ALL or one.station not in left_out
+    ]
+    terms = _list_terms(fit, time, candidates, fit.left)
+    ways, variance = [(0.0, fit.slow)], 1.0
+    for turn in range(_ROUNDS if look else 0):
+        if turn:  # until it is found a fault is scatter, and memory
+            there = ways[0][1]
+            left, variance = _bound_outliers(fit, terms, there, time)
+            if not terms.select_faults(there):
+                variance = max(variance, estimate.correlation)
+            steps = [one for one in map(terms.find, there) if one and one.kind == STEP]
+            near = [each for one in steps for each in _list_moments(problem, one, time)]
+            terms = _list_terms(fit, time, [*near, *terms.candidates], left)
+        ways, tested = [], _leave_offsets(fit, terms, variance)
+        odds, sizes = rate(tested, solve(tested, fit.prior, terms.groups, {}), terms.groups)
+        odds[: len(terms.groups) - len(terms.candidates)] = -np.inf
+        best = int(np.argmax(odds))
+        fault = {best: float(sizes[best])} if odds[best] > EVIDENCE else {}
+        for start in ({}, fit.slow, fault):  # slow changes hide faults, and faults slow changes
+            there, base = choose(tested, fit.prior, terms.groups, start)
+            likely = base.evidence + price(terms.groups, there)
+            there = terms.keep_apart(there, 0.5 * float(np.ptp(time)) / problem.stations)
+            ways.append((likely, {**there, **({} if problem.turns_known else fit.slow)}))
+        ways.sort(key=lambda way: -way[0])
+        ways = [way for k, way in enumerate(ways) if way[1] not in [w for _, w in ways[:k]]]
+    gram = terms.gram / variance
+    unseen = _allow_for_changes(fit, terms, gram, changes, problem.layout.shape[1])
+    made = [_conclude(fit, terms, gram, estimate, there) for _, there in ways]
+    if not any(each for each, *_ in made):
+        return Faults((), estimate.coefficients, estimate.covariance, unseen, left_out)
+    chances = np.exp([likely - ways[0][0] for likely, _ in ways])
+    chances /= chances.sum()
+    found = next((one[0] for one, p in zip(made, chances, strict=True) if one[0] and p > 0.05), ())
+    averaged = mix(chances, [(mean, spread) for _, mean, spread in made])
+    return Faults(found, *averaged, unseen, left_out)
+
+
+def _find_stations_left_out(problem: StationProblem, estimate: StationEstimate) -> tuple[int, ...]:
+    """Stations of which the robust loss left nothing, and which are further off than any fault."""
+    away = np.abs(estimate.residuals).reshape(len(problem.station), -1).max(axis=1)
+    each = [problem.station == k for k in range(problem.stations)]
+    limit = LARGEST * TIME[0].scale
+    return tuple(
+        k
+        for k, own in enumerate(each)
+        if np.median(estimate.weights[own]) < _NOTHING and np.median(away[own]) > limit
+    )
+
+
+def _leave_offsets(fit: _Linear, terms: _Terms, variance: float) -> Array:
+    """Cross-products over the variance; by the magnitude alone of what is left beside another field
+    at each station, which explains any fault of whole stations."""
+    gram = terms.gram / variance
+    if fit.problem.turns_known:
+        return gram
+    own = terms.changes.columns
+    shared, known = gram[:, own], np.diag(_KNOWN * np.diag(gram))
+    return gram - shared @ np.linalg.pinv(shared[own], hermitian=True) @ shared.T + known
+
+
+def _allow_for_changes(
+    fit: _Linear, terms: _Terms, gram: Array, changes: Sequence[float], a: int
+) -> tuple[Array, ...]:
+    """What a random step of each of `changes` before every station but the first adds to the
+    covariance (a, a): parts that would show count no more than the noise lets them."""
+    if fit.problem.turns_known or fit.problem.stations < 2:
+        return tuple(np.zeros((a, a)) for _ in changes)
+    groups = [*terms.groups, terms.changes._replace(columns=terms.changes.columns[1:])]
+    every = [{**fit.slow, **({len(groups) - 1: sd} if sd > 0.0 else {})} for sd in (0.0, *changes)]
+    plain, *wider = (solve(gram, fit.prior, groups, each).inverse[:a, :a] for each in every)
+    return tuple(each - plain for each in wider)
+
+
+def _conclude(
+    fit: _Linear, terms: _Terms, gram: Array, estimate: StationEstimate, there: Mapping[int, float]
+) -> tuple[tuple[Fault, ...], Array, Array]:
+    """The faults among terms, coefficients (a,) beside them, and their covariance: a sensor is on
+    either side of a step, or at the end of its ageing, half of it from the middle."""
+    base = solve(gram, fit.prior, terms.groups, there)
+    every = _place(base, len(gram))
+    if too_large := terms.select_faults(there, every):  # they stand in for something else
+        left = {i: size for i, size in there.items() if i not in too_large}
+        return _conclude(fit, terms, gram, estimate, left)
+    found = tuple(
+        Fault(one, every[terms.groups[i].columns]) for i in there if (one := terms.find(i))
+    )
+    if not found:
+        return (), estimate.coefficients, estimate.covariance
+    a, constant = fit.problem.layout.shape[1], (fit.problem.degree + 1) * np.arange(3)
+    covariance = base.inverse[:a, :a].copy()
+    halves = [one.size / 2 for one in found if one.candidate.kind in (STEP, AGEING)]
+    for i in there:  # and half of what is not known of their sizes
+        if (one := terms.find(i)) is not None and one.kind in (STEP, AGEING):
+            own = np.flatnonzero(np.isin(base.columns, terms.groups[i].columns))
+            covariance[np.ix_(constant, constant)] += base.inverse[np.ix_(own, own)] / 4
+    if len(estimate.ageing):
+        first = a + len(estimate.drift)
+        halves.append((estimate.ageing + every[first : first + 3]) / 2)
+    for half in halves:
+        covariance[np.ix_(constant, constant)] += np.outer(half, half)
+    return found, estimate.coefficients + every[:a], covariance
+
+
+def _place(base: Base, count: int) -> Array:
+    """The estimates of a base among all (count,) unknowns, zero where they are not in it."""
+    found = np.zeros(count)
+    found[base.columns] = base.estimate
+    return found
 
 
 def _rank_stations(problem: StationProblem, time: Array) -> Array:
@@ -93,118 +450,3 @@ def _rank_stations(problem: StationProblem, time: Array) -> Array:
         return np.asarray(problem.station)
     first = [float(time[problem.station == k].min()) for k in range(problem.stations)]
     return np.asarray(np.argsort(np.argsort(first))[problem.station])
-
-
-CHANCE = 0.002
-"""Faults are believed that chance would make this seldom in a campaign without any."""
-_MOST = 4
-_NOTHING = 0.1
-
-
-class Fault(NamedTuple):
-    """What was found, with its normalised size: (3,) of the bias, (1,) of the temperature."""
-
-    candidate: Candidate
-    size: Array
-    p_value: float
-
-
-class Faults(NamedTuple):
-    """All that were found, and the second moments (a, a) of what they moved the coefficients by.
-
-    `left_out` are stations that fit so badly that the robust loss had left nothing of them.
-    """
-
-    found: tuple[Fault, ...]
-    covariance: Array
-    left_out: tuple[int, ...] = ()
-
-
-def find_faults(problem: StationProblem, estimate: StationEstimate, time: Array) -> Faults:
-    """What was not the same at all stations, most likely first; `time` (m,) of the means, s."""
-    left_out = find_left_out(problem, estimate)
-    candidates = [
-        one
-        for one in list_candidates(problem, time)
-        if one.kind in (STEP, SETTLING, AGEING) or one.station not in left_out
-    ]
-    plain = fit = linearise(problem, estimate, time, left_out)
-    found: list[_Next] = []
-    while candidates and len(found) < _MOST:
-        most_likely = _find_next(fit, candidates, time)
-        if most_likely.p_value > CHANCE:
-            break
-        found.append(most_likely)
-        fit = most_likely.fit
-    return _assemble(plain, fit, found)._replace(left_out=left_out)
-
-
-def find_left_out(problem: StationProblem, estimate: StationEstimate) -> tuple[int, ...]:
-    """Stations of which the robust loss left next to nothing."""
-    weights = (np.median(estimate.weights[problem.station == k]) for k in range(problem.stations))
-    return tuple(k for k, weight in enumerate(weights) if weight < _NOTHING)
-
-
-class _Next(NamedTuple):
-    """How likely chance makes such a fault, what it is, combinations of its columns, and the fit
-    with these.
-    """
-
-    p_value: float
-    candidate: Candidate
-    seen: Array
-    fit: LinearisedFit
-
-
-def _find_next(fit: LinearisedFit, candidates: list[Candidate], time: Array) -> _Next:
-    """The most likely fault.
-
-    What is a fault may have been taken for slow changes of the field: those are estimated again
-    beside the best candidates with them and without.
-    """
-    tested = with_offsets(fit)
-    plain, tried = tested._replace(slow=GaussianProcess()), []
-    likely = {_find_best(each, candidates) for each in (tested, plain)}
-    for k in likely:
-        many, best = len(candidates), candidates[k]
-        if best.kind == STEP:
-            moments = list(list_moments(fit.problem, best, time))
-            many, best = many + len(moments), moments[_find_best(plain, moments)]
-        columns = make_columns(fit, best)
-        scores, (own,) = score_faults(plain, [columns])
-        slow = tested.with_fault(columns @ scores.find_seen(own)).slow
-        scores, _ = score_faults(tested._replace(slow=slow), [columns])
-        seen = scores.find_seen(own, sized=True)
-        p_value = scores.test(own) * many if slow.sd < IMPLAUSIBLE else np.inf
-        wider = fit._replace(slow=slow, beside=np.hstack([fit.beside, columns @ seen]))
-        tried.append(_Next(p_value, best, seen, wider))
-    return min(tried, key=lambda each: each.p_value)
-
-
-def _find_best(fit: LinearisedFit, candidates: list[Candidate]) -> int:
-    """The place of the candidate with the smallest p-value by the noise alone."""
-    scores, parts = score_faults(fit, [make_columns(fit, each) for each in candidates])
-    found = [scores.measure(part) for part in parts]
-    return int(np.argmax([q - 2.0 * k for q, k in found]))
-
-
-def _assemble(plain: LinearisedFit, fit: LinearisedFit, found: list[_Next]) -> Faults:
-    """Faults with their sizes, and what they did to the coefficients.
-
-    A sensor is on either side of a step, or at the end of its ageing, half of it from the middle.
-    """
-    a, p = plain.problem.layout.shape[1], plain.problem.degree + 1
-    if not found:
-        return Faults((), np.zeros((a, a)))
-    (step, _), (before, _) = fit.solve(), plain.solve()
-    moved = step[:a] - before[:a]
-    covariance = np.outer(moved, moved)
-    widths = np.cumsum([one.seen.shape[1] for one in found])[:-1]
-    made = []
-    for one, size in zip(found, np.split(step[len(before) :], widths), strict=True):
-        made.append(Fault(one.candidate, one.seen @ size, one.p_value))
-        if one.candidate.kind in (STEP, AGEING):
-            half = np.zeros(a)
-            half[[0, p, 2 * p]] = made[-1].size / 2
-            covariance += np.outer(half, half)
-    return Faults(tuple(made), covariance)

@@ -122,6 +122,16 @@ def find_directions(problem: StationProblem, coefficients: Array) -> Array:
     return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))
 
 
+def find_feet(problem: StationProblem, state: State) -> Array:
+    """The readings (m, 3) of each mean as they would be without noise. Columns of faults are taken
+    there: at the means they hold the noise itself, which then looks like steps of the bias across
+    the field."""
+    coefficients, poses = state.coefficients, state.poses
+    bias, matrix = temperature_model.evaluate_local(coefficients, problem.layout, problem.phi)
+    seen = find_directions(problem, coefficients) if poses is None else poses.directions
+    return np.asarray(bias + np.linalg.solve(matrix, seen[problem.station][..., None])[..., 0])
+
+
 def collect_parameters(state: State, a: int) -> Array:
     """The parameters that the solver moves, at the state: small steps of the poses are zero."""
     parts = [state.coefficients, state.drift, state.ageing]

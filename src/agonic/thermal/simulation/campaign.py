@@ -200,18 +200,16 @@ def simulate_campaign(
     >>> made.campaign.rows, made.campaign.sensors
     (6912, ('MMC5883MA-1', 'MMC5883MA-2'))
     """
-    given = isinstance(sensors, ThermalPlan)
-    plan = (
-        sensors
-        if isinstance(sensors, ThermalPlan)
-        else plan_thermal(
+    if isinstance(sensors, ThermalPlan):
+        plan, rate_Hz = sensors, sensors.rate_Hz
+    else:
+        plan = plan_thermal(
             sensors,
             rate_Hz=rate_Hz,
             noise=noise or None,
             magnitude=magnitude,
             inclination_deg=inclination_deg,
         )
-    )
     spoilt = faults or Faults()
     check_faults(spoilt, plan)
     truth_rng, fixture_rng, field_rng = np.random.default_rng(seed).spawn(3)
@@ -232,7 +230,7 @@ def simulate_campaign(
         faults=spoilt,
         facts=MappingProxyType(
             {
-                "rate_Hz": plan.rate_Hz if given else rate_Hz,
+                "rate_Hz": rate_Hz,
                 "magnitude": plan.magnitude,
                 "inclination_deg": plan.inclination_deg,
                 "noise": noises,
