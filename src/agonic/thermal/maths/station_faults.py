@@ -221,6 +221,15 @@ class _Terms(NamedTuple):
     dense: Array
     roots: Array
 
+    def explain(self, left: Array, spaces: StationSpaces | None) -> _Terms:
+        """The same terms with other residuals (n,) to explain."""
+        dense = np.column_stack([self.dense[:, :-1], left])
+        along, curves = dense.T @ left, self.roots
+        within = np.zeros(0) if spaces is None else curves.T @ spaces.within(left)
+        gram, first = self.gram.copy(), self.changes.columns[-1] + 1
+        gram[-1] = gram[:, -1] = np.concatenate([along[:first], within, along[first:]])
+        return self._replace(gram=gram, dense=dense)
+
     def find(self, group: int) -> Candidate | None:
         """The fault that a group is, or None where it is slow changes."""
         at = group - (len(self.groups) - len(self.candidates))
@@ -346,7 +355,9 @@ def find_faults(
                 variance = max(variance, estimate.correlation)
             steps = [one for one in map(terms.find, there) if one and one.kind == STEP]
             near = [each for one in steps for each in _list_moments(problem, one, time)]
-            terms = _list_terms(fit, time, [*near, *terms.candidates], left)
+            terms = terms.explain(left, fit.spaces)
+            if near:
+                terms = _list_terms(fit, time, [*near, *terms.candidates], left)
         ways, tested = [], _leave_offsets(fit, terms, variance)
         odds, sizes = rate(tested, solve(tested, fit.prior, terms.groups, {}), terms.groups)
         odds[: len(terms.groups) - len(terms.candidates)] = -np.inf
