@@ -155,3 +155,11 @@ def test_a_large_step_within_a_station_is_named_in_it() -> None:
     fit, over_stated = fit_spoilt("step in a station", 1000.0, 0, "known")
     assert any("in station 6" in one.what for one in fit.findings if one.name == "bias step")
     assert over_stated < 2.5
+
+
+@pytest.mark.parametrize("seed", [200, 202, 204, 205])
+def test_ageing_is_not_taken_for_a_field_that_changes_for_long(seed: int) -> None:
+    """By the magnitude alone it was, good and more than five standard errors off."""
+    fit, over_stated = fit_spoilt("ageing", 100.0, seed, "unknown", 0.0)
+    assert "ageing" in {one.name for one in fit.findings}
+    assert over_stated < WRONG

@@ -370,6 +370,8 @@ def find_faults(
             ways.append((likely, {**there, **({} if problem.turns_known else fit.slow)}))
         ways.sort(key=lambda way: -way[0])
         ways = [way for k, way in enumerate(ways) if way[1] not in [w for _, w in ways[:k]]]
+    if look and not (problem.turns_known or len(estimate.ageing)) and fit.slow:
+        ways += [(ways[0][0] + more, way) for more, way in _weigh_ageing(fit, terms, variance)]
     gram = terms.gram / variance
     unseen = _allow_for_changes(fit, terms, gram, changes, problem.layout.shape[1])
     made = [_conclude(fit, terms, gram, estimate, there) for _, there in ways]
@@ -392,6 +394,28 @@ def _find_stations_left_out(problem: StationProblem, estimate: StationEstimate) 
         for k, own in enumerate(each)
         if np.median(estimate.weights[own]) < _NOTHING and np.median(away[own]) > limit
     )
+
+
+def _weigh_ageing(
+    fit: _Linear, terms: _Terms, variance: float
+) -> list[tuple[float, dict[int, float]]]:
+    """Ageing in place of the slow changes that the estimate has, or beside them, and by how much
+    likelier it is: by the magnitude alone a field that changes for long looks much like it."""
+    slow = range(len(terms.groups) - len(terms.candidates))
+    few = [*slow, *(i for i, one in enumerate(terms.groups) if one.name == AGEING)]
+    groups = [terms.groups[i] for i in few]
+    ages = len(groups) - 1
+    if groups[ages].name != AGEING:
+        return []
+    groups[ages] = groups[ages]._replace(odds=RARE)
+    ways = dict[bool, tuple[float, dict[int, float]]]()
+    for start in ({}, fit.slow, {ages: groups[ages].scale}):
+        there, base = choose(terms.gram / variance, fit.prior, groups, start)
+        likely = base.evidence + price(groups, there)
+        aged = ages in there
+        if aged not in ways or likely > ways[aged][0]:
+            ways[aged] = likely, {few[i]: size for i, size in there.items()}
+    return [(ways[True][0] - ways[False][0], ways[True][1])] if len(ways) == 2 else []
 
 
 def _leave_offsets(fit: _Linear, terms: _Terms, variance: float) -> Array:
