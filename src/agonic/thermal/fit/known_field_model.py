@@ -168,21 +168,23 @@ class _Fitting:
     def estimate(self) -> KnownFieldEstimate:
         """The estimate that foretells unseen readings best: with a drift where one shows, and
         outliers down-weighted."""
-        weights = np.ones(len(self.problem.points))
-        if len(self.groups) - 1 not in self._fit(self.start, weights, None, self.groups).there:
-            return self._estimate_robustly(self.groups[:-1])
-        drifting = self._estimate_robustly(self.groups)
+        first = self._fit(self.start, np.ones(len(self.problem.points)), None, self.groups)
+        if len(self.groups) - 1 not in first.there:
+            return self._estimate_robustly(self.groups[:-1], first)
+        drifting = self._estimate_robustly(self.groups, first)
         return _choose_best(drifting, self._estimate_robustly(self.groups[:-1]), _CLEARLY)
 
-    def _estimate_robustly(self, terms: list[Group]) -> KnownFieldEstimate:
-        """With some of the terms; outliers are down-weighted where that foretells unseen readings
+    def _estimate_robustly(
+        self, terms: list[Group], first: _State | None = None
+    ) -> KnownFieldEstimate:
+        """With some of the terms, from a first fit of all readings; outliers are down-weighted where that foretells unseen readings
         better.
 
         What a model lacks (hysteresis, a lag) spoils whole stretches of readings, and to leave
         those out fits the rest only.
         """
         weights = np.ones(len(self.problem.points))
-        fitted = self._fit(self.start, weights, None, terms)
+        fitted = self._fit(self.start, weights, None, terms) if first is None else first
         noise = self._estimate_noise(fitted, False)
         plain = self._conclude(fitted.unknowns, weights, noise, terms)
         noise = self._estimate_noise(fitted, self.settings.robust)

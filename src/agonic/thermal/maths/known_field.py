@@ -71,9 +71,8 @@ class Linearised(NamedTuple):
     def sum_up(self, weights: Array, blocks: list[slice], more: Array | None = None) -> Array:
         """Cross-products (blocks, …) of design, `more` columns, and targets, by weight (n,)."""
         parts = [self.design, self.targets] if more is None else [self.design, more, self.targets]
-        whole = np.concatenate(parts, axis=1)
-        light = whole * weights[:, None]
-        return np.stack([light[rows].T @ whole[rows] for rows in blocks])
+        whole = np.concatenate(parts, axis=1) * np.sqrt(weights)[:, None]
+        return np.stack([whole[rows].T @ whole[rows] for rows in blocks])
 
 
 def find_start(problem: KnownFieldProblem) -> tuple[Array, Array]:
@@ -139,8 +138,8 @@ def predict_unseen(
     found = np.linalg.solve(scaled, right) / size[:, :, None]
     own = sums[:, columns][:, :, columns]
     left = np.einsum("bii->b", sums[:, -3:, -3:])
-    left = left - 2 * np.einsum("bci,bci->b", found, sums[:, columns, -3:])
-    return found, left + np.einsum("bci,bcd,bdi->b", found, own, found, optimize=True)
+    squares = found * (own @ found - 2 * sums[:, columns, -3:])
+    return found, left + squares.sum(axis=(1, 2))
 
 
 def measure_clustering(weights: Array) -> float:
@@ -188,11 +187,16 @@ def compare_alternatives(
         FIELD: [play(footpoints, width) for width in WIDTHS],
         NETWORK: [_respond(footpoints, x)],
     }
-    plain = _measure(problem, fitted, weights, np.zeros((n, 0)))
-    return {
-        name: float(np.sqrt(min(_measure(problem, fitted, weights, of) for of in tried) / plain))
-        for name, tried in features.items()
-    }
+    made = [each for tried in features.values() for each in tried]
+    sums = fitted.sum_up(weights, problem.blocks(), np.hstack(made))
+    squares = np.diag(sums.sum(axis=0))
+    plain, at, least = _measure(sums, np.arange(m), squares[:0]), m, dict[str, float]()
+    for name, tried in features.items():
+        for each in tried:
+            own = np.arange(at, at := at + each.shape[1])
+            left = _measure(sums, np.append(np.arange(m), own), squares[own])
+            least[name] = min(left, least.get(name, np.inf))
+    return {name: float(np.sqrt(left / plain)) for name, left in least.items()}
 
 
 def play(values: Array, width: float) -> Array:
@@ -221,14 +225,9 @@ def _respond(field: Array, x: Array) -> Array:
     return np.asarray(np.tanh(np.column_stack([field, x, np.ones(len(x))]) @ drawn))
 
 
-def _measure(
-    problem: KnownFieldProblem, fitted: Linearised, weights: Array, features: Array
-) -> float:
-    """The squares that fits leave of blocks that they have not seen, with features (n, k) on every
-    axis."""
-    sums = fitted.sum_up(weights, problem.blocks(), features)
-    m, k = fitted.design.shape[1], features.shape[1]
-    own = np.diag(sums.sum(axis=0))[m : m + k]
-    columns = np.arange(m + k)
-    ridges = [np.concatenate([np.zeros(m), ridge * own]) for ridge in _RIDGES]
+def _measure(sums: Array, columns: Index, squares: Array) -> float:
+    """The squares that fits of `columns` leave of blocks that they have not seen; the last of them
+    are features, with their sums of squares."""
+    none = np.zeros(len(columns) - len(squares))
+    ridges = [np.concatenate([none, ridge * squares]) for ridge in _RIDGES]
     return min(float(predict_unseen(sums, columns, ridge)[1].sum()) for ridge in ridges)
