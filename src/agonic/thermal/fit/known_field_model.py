@@ -140,14 +140,13 @@ def choose_model(
 
 class _State(NamedTuple):
     """Unknowns (m, 3), the readings about them, cross-products of blocks by weight, and what the
-    residuals show: terms by their sizes, their base, and the cross-products of all axes."""
+    residuals show: terms by their sizes, and their base."""
 
     unknowns: Array
     fitted: Linearised
     sums: Array
     there: dict[int, float]
     base: Base
-    gram: Array
 
 
 class _Fitting:
@@ -186,7 +185,7 @@ class _Fitting:
         weights = np.ones(len(self.problem.points))
         fitted = self._fit(self.start, weights, None, terms) if first is None else first
         noise = self._estimate_noise(fitted, False)
-        plain = self._conclude(fitted.unknowns, weights, noise, terms)
+        plain = self._conclude(fitted, weights, noise, terms)
         noise = self._estimate_noise(fitted, self.settings.robust)
         if noise.loss == squares():
             return plain
@@ -196,7 +195,7 @@ class _Fitting:
             before, noise = noise, self._estimate_noise(fitted, True)
             if noise.settled(before):
                 break
-        weighted = self._conclude(fitted.unknowns, weights, noise, terms)
+        weighted = self._conclude(fitted, weights, noise, terms)
         return _choose_best(plain, weighted, _CLEARLY * measure_clustering(weights))
 
     def _estimate_noise(self, state: _State, robust: bool) -> Noise:
@@ -221,7 +220,7 @@ class _Fitting:
             step = np.asarray(fitted.design @ (unknowns - before))
             if float(np.sum(weights[:, None] * step**2)) < _SETTLED * variance:
                 break
-        return _State(unknowns, fitted, sums, there, base, gram)
+        return _State(unknowns, fitted, sums, there, base)
 
     def _join_axes(self, sums: Array) -> Array:
         """The cross-products of all unknowns (u + 1, u + 1), whose design every axis has."""
@@ -242,11 +241,13 @@ class _Fitting:
         return np.asarray(flat.reshape(3, -1).T)
 
     def _conclude(
-        self, start: Array, weights: Array, noise: Noise, terms: list[Group]
+        self, fitted: _State, weights: Array, noise: Noise, terms: list[Group]
     ) -> KnownFieldEstimate:
         """Estimate and covariance averaged over the sizes of all terms, as a calibration has
         them."""
-        _, _, sums, there, base, gram = self._fit(start, weights, noise, terms)
+        variance = max(noise.sd**2 * noise.correlation, 1e-24)
+        gram = self._join_axes(fitted.sums.sum(axis=0)) / variance
+        there, base = choose(gram, NONE, terms, fitted.there)
         lag = 2 * self.highest if self.timed else -1
         if self.timed and self.settings.rate is True and lag not in there:
             there = {**there, lag: self.groups[lag].scale}
@@ -280,7 +281,7 @@ class _Fitting:
         ridge *= noise.sd**2 * noise.correlation
         odds = averaged[lag].odds if lag in averaged else EVIDENCE
         return self._summarise(
-            found, covariance, ridge, sums, noise, weights, degree, lag in there, float(odds)
+            found, covariance, ridge, fitted.sums, noise, weights, degree, lag in there, float(odds)
         )
 
     def _summarise(
