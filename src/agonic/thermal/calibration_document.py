@@ -40,11 +40,6 @@ def describe_calibration(
     ----------
     calibration : what is applied. thermal : it, or its step that depends on temperature.
     samples, verification : readings that it was tried on, and what that showed.
-
-    >>> warm = Thermal(bias=[[100, 0, 0], [50, 0, 0]], matrix=[np.eye(3), np.zeros((3, 3))],
-    ...                centre_C=20.0, half_range_C=30.0)
-    >>> describe_calibration(warm, warm).to_html().count('class="plot small"')
-    15
     """
     sections = [
         Section("Validity", [describe_validity(thermal)]),

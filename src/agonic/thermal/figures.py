@@ -44,13 +44,7 @@ class Curve(NamedTuple):
 
 
 def evaluate_coefficients(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
-    """Every coefficient over the range that was seen, bias first.
-
-    >>> flat = Thermal(bias=[[1, 2, 3]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
-    >>> curves = evaluate_coefficients(flat)
-    >>> [curve.name for curve in curves][:4], float(curves[1].value[0])
-    (['bias x', 'bias y', 'bias z', 'matrix xx'], 2.0)
-    """
+    """Every coefficient over the range that was seen, bias first."""
     at = np.linspace(*calibration.range_C, LEVELS) if temperature is None else temperature
     names = FREE_PARAMETERS if calibration.gauge == "free" else PARAMETERS
     bias, matrix = calibration.bias_at(at), calibration.matrix_at(at)
@@ -69,10 +63,6 @@ def evaluate_coefficients(calibration: Thermal, temperature: Array | None = None
 def evaluate_decomposition(calibration: Thermal, temperature: Array | None = None) -> list[Curve]:
     """Scale factors and angles between the axes over the range that was seen; none where the
     matrix has no inverse.
-
-    >>> flat = Thermal(bias=[[1, 2, 3]], matrix=[np.eye(3)], centre_C=20.0, half_range_C=30.0)
-    >>> [curve.name for curve in evaluate_decomposition(flat)][::3]
-    ['scale factor x', 'non-orthogonality xy']
     """
     at = np.linspace(*calibration.range_C, LEVELS) if temperature is None else temperature
     found = decompose_at(calibration, at)

@@ -18,11 +18,7 @@ from agonic.thermal.maths.stations import describe_pose, list_standard_rotations
 
 
 def join_numbers(numbers: Iterable[int]) -> str:
-    """Numbers in words, runs of three and more drawn together.
-
-    >>> join_numbers([7, 2, 3, 4, 10]), join_numbers([5])
-    ('2–4, 7, 10', '5')
-    """
+    """Numbers in words, runs of three and more drawn together."""
     left = sorted(set(numbers))
     parts: list[str] = []
     while left:
@@ -37,11 +33,7 @@ def join_numbers(numbers: Iterable[int]) -> str:
 
 
 def name_stations(numbers: Iterable[int]) -> str:
-    """Stations by number.
-
-    >>> name_stations([3]), name_stations([2, 3, 4])
-    ('station 3', 'stations 2–4')
-    """
+    """Stations by number."""
     given = set(numbers)
     return f"station{'s' if len(given) > 1 else ''} {join_numbers(given)}"
 
@@ -56,11 +48,7 @@ class Told(NamedTuple):
 
 @cache
 def list_standard_stations() -> tuple[Station, ...]:
-    """The twelve stations of `thermal.maths.stations`, numbered in the order of least handling.
-
-    >>> [station.pose for station in list_standard_stations()[:2]]
-    ['top up, front to the back', 'top up, front to the right']
-    """
+    """The twelve stations of `thermal.maths.stations`, numbered in the order of least handling."""
     return tuple(
         Station(number=number, pose=describe_pose(turned), rot_nb=Rotation.from_matrix(turned))
         for number, turned in enumerate(list_standard_rotations(), start=1)
@@ -135,11 +123,7 @@ class Description:
 
 
 def find_repeated(values: Iterable[object]) -> list[object]:
-    """The values that are there more than once.
-
-    >>> find_repeated(["a", "b", "a"])
-    ['a']
-    """
+    """The values that are there more than once."""
     return [value for value, times in Counter(values).items() if times > 1]
 
 
@@ -207,11 +191,6 @@ def parse_sensors(text: str) -> tuple[Sensor, ...]:
 
     Several of one model are numbered. Raises `AgonicError` for what is no list, and for a model
     that is not known and comes without noise.
-
-    >>> [sensor.name for sensor in parse_sensors("2xMMC5883MA,HMC5883L:200")]
-    ['MMC5883MA-1', 'MMC5883MA-2', 'HMC5883L']
-    >>> round(parse_sensors("MPU-9255")[0].reading_sd, 1)
-    402.3
     """
     found: list[Sensor] = []
     for entry in filter(None, (part.strip() for part in text.split(","))):

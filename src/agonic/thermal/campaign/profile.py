@@ -15,11 +15,7 @@ Action = Literal["heat", "cool", "hold"]
 
 
 def format_signed(level_C: float) -> str:
-    """A temperature with its sign, 0 without one.
-
-    >>> format_signed(50.0), format_signed(0.0)
-    ('+50', '0')
-    """
+    """A temperature with its sign, 0 without one."""
     return f"{level_C:+.4g}" if level_C else "0"
 
 
@@ -56,10 +52,6 @@ class Profile:
     cooling_C_per_min, heating_C_per_min : rates. cooling_limit_C_per_min : faster cooling is
         abrupt: the sensor no longer has the temperature that it reports.
     step_C, step_hold_min : the steps of heating. room_C : where the first heating starts.
-
-    >>> profile = Profile()
-    >>> profile.recorded_s / 3600, profile.at([0.0, 60 * 60.0, 120 * 60.0]).tolist()
-    (4.0, [50.0, 20.0, -10.0])
     """
 
     lowest_C: float = -10.0
@@ -160,12 +152,7 @@ class Profile:
         return np.interp(np.asarray(time_s, dtype=np.float64), *self.corners)
 
     def spread(self, bin_width_C: float = 0.5) -> tuple[Array, Array]:
-        """Temperatures (m,) of bins over the range, and the seconds that a station spends in each.
-
-        >>> level, seconds = Profile().spread(1.0)
-        >>> len(level), round(float(seconds.sum()) / 3600, 6)
-        (60, 4.0)
-        """
+        """Temperatures (m,) of bins over the range, and the seconds that a station spends in each."""
         bins = max(2, round(self.span_C / bin_width_C))
         edges = np.linspace(self.lowest_C, self.highest_C, bins + 1)
         seconds = np.zeros(bins)

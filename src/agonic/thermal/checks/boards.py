@@ -42,13 +42,7 @@ class Course:
 
 
 def average_minutes(samples: Samples, start_s: float) -> Array:
-    """The temperature of each minute since `start_s`, its mean; NaN in gaps and before the first.
-
-    >>> s = Samples(field=np.ones((4, 3)), time=[0.0, 30.0, 60.0, 90.0],
-    ...             temperature=[1.0, 3.0, 5.0, 7.0])
-    >>> average_minutes(s, 0.0).tolist()
-    [2.0, 6.0]
-    """
+    """The temperature of each minute since `start_s`, its mean; NaN in gaps and before the first."""
     assert samples.time is not None
     assert samples.temperature is not None
     minute = ((samples.time - start_s) / MINUTE_S).astype(np.intp)
@@ -58,22 +52,14 @@ def average_minutes(samples: Samples, start_s: float) -> Array:
 
 
 def find_still_stretches(level: Array, quiet_C: float = 1e-9) -> list[tuple[int, int]]:
-    """First minute and the one after the last of the stretches in which nothing changes.
-
-    >>> find_still_stretches(np.array([1.0, 1.0, 1.0, 2.0, 3.0]))
-    [(0, 3)]
-    """
+    """First minute and the one after the last of the stretches in which nothing changes."""
     same = np.concatenate([[False], np.abs(np.diff(level)) <= quiet_C, [False]])
     edges = np.flatnonzero(same[1:] != same[:-1])
     return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def find_stuck(level: Array, course: Array, moved_C: float = 5.0) -> tuple[int, int] | None:
-    """The minutes in which a thermometer stood still while the temperature moved by `moved_C`.
-
-    >>> find_stuck(np.full(90, 21.0), np.linspace(50.0, -10.0, 90))
-    (0, 90)
-    """
+    """The minutes in which a thermometer stood still while the temperature moved by `moved_C`."""
     n = min(len(level), len(course))
     for first, last in find_still_stretches(level[:n]):
         went = course[first:last]
@@ -221,11 +207,7 @@ def _describe_board(campaign: Campaign, name: str, sensors: list[str]) -> Board:
 
 
 def find_gaps(time: Array | None) -> tuple[Array, float]:
-    """The steps of a clock that are holes, s, and the usual step.
-
-    >>> find_gaps(np.array([0.0, 1.0, 2.0, 60.0, 61.0]))[0].tolist()
-    [58.0]
-    """
+    """The steps of a clock that are holes, s, and the usual step."""
     if time is None or len(time) < 3:
         return np.zeros(0), 1.0
     steps = np.diff(time)

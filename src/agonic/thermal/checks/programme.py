@@ -168,9 +168,6 @@ def _measure_reach(away: Array) -> float:
 
     The line of the ramp, through where it passes two distances, is followed back to the level: its
     minutes are none of a hold, however the box lags.
-
-    >>> _measure_reach(np.array([0.0, 0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]))
-    2.0
     """
     near, far = (_find_first_beyond(away, limit) for limit in (END_C, 2 * END_C))
     if near is None:

@@ -69,11 +69,7 @@ def campaign(
 
 
 def parse_faults(words: list[str]) -> Faults:
-    """The faults that the words name.
-
-    >>> parse_faults(["missing=3,7", "kelvin", "drift=5000"]).missing
-    (3, 7)
-    """
+    """The faults that the words name."""
     from agonic.errors import AgonicError
     from agonic.thermal.simulation.campaign import Faults
 

@@ -114,17 +114,6 @@ def read_description(path: Path | str) -> Description:
 
     Raises `LogError` that names every mistake in it at once: words that mean nothing, values of
     the wrong kind, things described twice, files that are not there.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> with TemporaryDirectory() as folder:
-    ...     file = Path(folder, "campaign.toml")
-    ...     _ = file.write_text('rate = 3\\n[profile]\\nlowest_C = "cold"')
-    ...     try:
-    ...         read_description(file)
-    ...     except LogError as error:
-    ...         print(str(error).partition("toml: ")[2])
-    the file has no key `rate` (its keys: name, files, unit, rate_Hz, fixture_sd_deg, columns, \
-[sensor], [station], [profile], [field]); [profile] `lowest_C` expected `float`, got `str`
     """
     file = Path(path)
     table = read_toml(file)
@@ -284,10 +273,6 @@ def name_columns(description: Description, board: str = "") -> ColumnNames | Non
 
     Every sensor whose columns are named gets a number, so that several in a file are told apart; a
     column that several share is nobody's.
-
-    >>> one = Sensor(name="MMC", columns={"x": "A1", "y": "A2", "z": "A3", "temperature": "T1"})
-    >>> name_columns(Description(sensors=(one,), columns={"time": "t"})).headers
-    {'time': 't', 'mag901_x': 'A1', 'mag901_y': 'A2', 'mag901_z': 'A3', 'temperature901': 'T1'}
     """
     named = dict(description.columns)
     for number, sensor in enumerate(description.sensors, start=_FIRST):

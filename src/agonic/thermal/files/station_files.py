@@ -32,13 +32,6 @@ def number_files(files: Sequence[Path], folder: Path) -> list[StationFile]:
 
     The station is the number behind a word such as pos or station, else the number in which names
     differ that are otherwise alike; the board is the words in which they differ beside it.
-
-    >>> names = ["obc_pos01.csv", "ext_pos01.csv", "obc_pos02.csv", "ext_pos02.csv"]
-    >>> [(f.station, f.board) for f in number_files([Path(name) for name in names], Path())]
-    [(1, 'ext'), (1, 'obc'), (2, 'ext'), (2, 'obc')]
-    >>> dated = [Path("20260301_p7.csv"), Path("20260302_p8.csv")]
-    >>> [f.station for f in number_files(dated, Path())]
-    [7, 8]
     """
     tokens = [_split_name(file, folder) for file in files]
     at = _find_places(tokens)

@@ -101,18 +101,7 @@ def _format_csv(table: Mapping[str, Array]) -> bytes:
 
 
 def write_description(description: Description, path: Path | str) -> Path:
-    """Write a campaign.toml that `read_description` reads back, and return its path.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> from agonic.thermal.campaign.profile import Profile
-    >>> from agonic.thermal.campaign.description import Sensor
-    >>> from agonic.thermal.files.schema import read_description
-    >>> with TemporaryDirectory() as folder:
-    ...     given = Description(sensors=(Sensor(name="a", noise=100.0),), profile=Profile())
-    ...     made = read_description(write_description(given, folder + "/campaign.toml"))
-    ...     made.sensors[0].reading_sd, len(made.stations), made.profile == given.profile
-    (100.0, 12, True)
-    """
+    """Write a campaign.toml that `read_description` reads back, and return its path."""
     lines = _format_pairs(
         name=description.name,
         files=description.files,

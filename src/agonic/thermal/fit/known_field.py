@@ -198,11 +198,7 @@ _MOVES = {
 
 
 def judge_unseen(unseen: float, before: float) -> list[Finding]:
-    """A calibration that foretells unseen readings worse than none.
-
-    >>> [f.severity for f in judge_unseen(660_000.0, 2500.0)], judge_unseen(80.0, 2500.0)
-    (['refuse'], [])
-    """
+    """A calibration that foretells unseen readings worse than none."""
     if unseen < before:
         return []
     return [
@@ -218,11 +214,7 @@ def judge_unseen(unseen: float, before: float) -> list[Finding]:
 
 
 def judge_alternatives(alternatives: Mapping[str, float], unseen: float) -> list[Finding]:
-    """The alternative that foretells unseen blocks best, where it does so better than the fit.
-
-    >>> [f.severity for f in judge_alternatives({NETWORK: 60.0, FIELD: 79.0}, 80.0)]
-    ['check']
-    """
+    """The alternative that foretells unseen blocks best, where it does so better than the fit."""
     if not alternatives:
         return []
     best = min(alternatives, key=lambda name: alternatives[name])

@@ -176,8 +176,8 @@ class _Fitting:
     def _estimate_robustly(
         self, terms: list[Group], first: _State | None = None
     ) -> KnownFieldEstimate:
-        """With some of the terms, from a first fit of all readings; outliers are down-weighted where that foretells unseen readings
-        better.
+        """With some of the terms, from a first fit of all readings; outliers are down-weighted
+        where that foretells unseen readings better.
 
         What a model lacks (hysteresis, a lag) spoils whole stretches of readings, and to leave
         those out fits the rest only.

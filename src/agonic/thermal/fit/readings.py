@@ -72,12 +72,6 @@ def judge_thermometer(parts: Iterable[tuple[Array, Smoothed]]) -> tuple[Finding,
 
     A box has no such changes: second differences are those of the thermometer. Parameters: the
     temperatures of each recording as they were read, and after `smooth_thermometer`.
-
-    >>> t = np.linspace(50.0, -10.0, 900)
-    >>> noisy = t + 0.5 * np.random.default_rng(0).normal(size=900)
-    >>> found = [judge_thermometer([(level, smooth_thermometer(level))]) for level in (t, noisy)]
-    >>> [[finding.name for finding in each] for each in found]
-    [[], ['noisy thermometer']]
     """
     both = list(parts)
     squares = np.concatenate([np.zeros(1), *(np.diff(read, 2) ** 2 for read, _ in both)])

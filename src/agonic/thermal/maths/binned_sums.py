@@ -92,15 +92,7 @@ class StationRecord(NamedTuple):
 
 
 class Binned:
-    """Sums of readings by station, direction and temperature; grows by `add`.
-
-    >>> sums = Binned(width_C=0.5)
-    >>> t = np.concatenate([np.linspace(50, -10, 500), np.linspace(-10, 50, 500)])
-    >>> sums.add(1, np.outer(t, [1.0, 2.0, 3.0]), t)
-    >>> cells = sums.cells()
-    >>> len(cells.n), bool(np.allclose(cells.mean[:, 1], 2 * cells.temperature))
-    (242, True)
-    """
+    """Sums of readings by station, direction and temperature; grows by `add`."""
 
     def __init__(self, width_C: float = 0.5) -> None:
         if not width_C > 0:
@@ -204,14 +196,7 @@ class Binned:
         self._sums.append(sums)
 
     def part(self, stations: Iterable[int], coarser: int = 1) -> Binned:
-        """What was added of some stations, in bins `coarser` times as wide.
-
-        >>> sums = Binned(width_C=0.5)
-        >>> for number in (1, 2):
-        ...     sums.add(number, np.ones((100, 3)), np.linspace(0.0, 10.0, 100), heating=True)
-        >>> sums.part([2], coarser=4).cells().n.tolist()
-        [20.0, 20.0, 20.0, 20.0, 19.0, 1.0]
-        """
+        """What was added of some stations, in bins `coarser` times as wide."""
         wanted = set(stations) & set(self.stations)
         made = Binned(self.width_C * coarser)
         made.thermometer_C = self.thermometer_C

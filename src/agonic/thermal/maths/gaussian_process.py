@@ -98,11 +98,7 @@ class StationSpaces(NamedTuple):
 
 
 def list_near_kinds(process: GaussianProcess) -> tuple[Kind, ...]:
-    """The kinds near one that was found; every other where none was.
-
-    >>> [length for _, length in list_near_kinds(GaussianProcess(0.001, ("smooth", 0.5), 20.0))]
-    [0.0, 0.25, 0.35, 0.5, 0.7, 1.0]
-    """
+    """The kinds near one that was found; every other where none was."""
     if process.sd == 0.0:
         return (STEADY, *KINDS[1::2])
     at = KINDS.index(process.kind)
@@ -111,12 +107,7 @@ def list_near_kinds(process: GaussianProcess) -> tuple[Kind, ...]:
 
 
 def make_time_basis(time: Array, station: Index) -> TimeBasis:
-    """The course of means at times (m,) at stations (m,) 0…k−1.
-
-    >>> made = make_time_basis(np.array([0.0, 1.0, 2.0]), np.zeros(3, dtype=int))
-    >>> made.functions[:, 1].tolist(), made.times[0, [0, -1]].tolist()
-    ([-1.0, 0.0, 1.0], [0.0, 2.0])
-    """
+    """The course of means at times (m,) at stations (m,) 0…k−1."""
     numbers = np.unique(station)
     low = np.array([time[station == k].min() for k in numbers])
     half = np.array([max(float(np.ptp(time[station == k])), 1e-9) / 2 for k in numbers])

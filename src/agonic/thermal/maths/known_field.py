@@ -204,9 +204,6 @@ def play(values: Array, width: float) -> Array:
 
     Every input clips where the operator stands, and clips joined are a clip: so that it follows a
     record in log₂ n steps.
-
-    >>> play(np.array([[-1.0], [0.0], [1.0], [0.9], [0.0]]), 0.5).ravel().tolist()
-    [0.0, -1.0, -1.0, -0.8, 1.0]
     """
     reach = width * np.maximum(np.ptp(values, axis=0) / 2, 1e-300)
     low, high = values - reach, values + reach

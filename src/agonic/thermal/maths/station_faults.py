@@ -61,8 +61,6 @@ _PARTS = (16, 8, 4)  # of a station, over which memory is looked for
 _ROUNDS = 2  # until a fault is found it is scatter and memory
 _NOTHING = 0.1  # weight of a station that the robust loss left out
 _SMALL, _SAME = 1e-9, 0.01  # of the largest axis: rounding; of a weight: alike in a station
-_KNOWN = 1e-4
-"""Of its information: columns are known to 1 %, for they contain the readings' noise."""
 LARGEST = 15.0
 """Of a fault, over its scale: 0.03 of the field, or 4.5 °C of 60."""
 
@@ -425,8 +423,8 @@ def _leave_offsets(fit: _Linear, terms: _Terms, variance: float) -> Array:
     if fit.problem.turns_known:
         return gram
     own = terms.changes.columns
-    shared, known = gram[:, own], np.diag(_KNOWN * np.diag(gram))
-    return gram - shared @ np.linalg.pinv(shared[own], hermitian=True) @ shared.T + known
+    shared = gram[:, own]
+    return np.asarray(gram - shared @ np.linalg.pinv(shared[own], hermitian=True) @ shared.T)
 
 
 def _allow_for_changes(

@@ -67,13 +67,7 @@ MOUNTINGS = Rotation.create_group("O").as_matrix()
 
 
 def list_standard_rotations() -> Array:
-    """The standard stations 1…12 as matrices (12, 3, 3) from the box to the chamber.
-
-    >>> turned = list_standard_rotations()
-    >>> up = turned[:, 2] * -1  # which direction of the box is up
-    >>> sorted(tuple(row) for row in up.astype(int).tolist())[::2] == sorted(FACES)
-    True
-    """
+    """The standard stations 1…12 as matrices (12, 3, 3) from the box to the chamber."""
     return _list_standard_rotations().copy()
 
 
@@ -86,11 +80,7 @@ def _list_standard_rotations() -> Array:
 
 
 def make_quarter_turn(name: str) -> Array:
-    """The quarter turn of `TURNS` of that name, a matrix (3, 3) in the axes of the chamber.
-
-    >>> make_quarter_turn("turn").tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
+    """The quarter turn of `TURNS` of that name, a matrix (3, 3) in the axes of the chamber."""
     axis, degrees, _ = TURNS[name]
     sine = float(np.sign(degrees))
     turned = np.zeros((3, 3))
@@ -101,11 +91,7 @@ def make_quarter_turn(name: str) -> Array:
 
 
 def describe_pose(rot_nb: Array) -> str:
-    """How the box stands, by its faces: which is up, and where one that is not looks.
-
-    >>> [describe_pose(rot_nb) for rot_nb in list_standard_rotations()[:3]]
-    ['top up, front to the back', 'top up, front to the right', 'rear up, left side to the back']
-    """
+    """How the box stands, by its faces: which is up, and where one that is not looks."""
     up, back = find_face(rot_nb, (0.0, 0.0, -1.0)), find_face(rot_nb, (1.0, 0.0, 0.0))
     if "front" in (up, back) or "rear" in (up, back):
         return f"{up} up, {back} to the back"
@@ -114,25 +100,14 @@ def describe_pose(rot_nb: Array) -> str:
 
 
 def find_face(rot_nb: Array, chamber: tuple[float, float, float]) -> str:
-    """The face of the box that looks in a direction of the chamber; "no face" where it is skew.
-
-    >>> find_face(np.eye(3), (0.0, 0.0, -1.0))
-    'top'
-    """
+    """The face of the box that looks in a direction of the chamber; "no face" where it is skew."""
     seen = rot_nb.T @ np.array(chamber)
     x, y, z = np.rint(seen).astype(int).tolist()
     return FACES.get((x, y, z), "no face") if np.abs(seen).max() > 0.95 else "no face"
 
 
 def describe_turn(before: Array, after: Array) -> str:
-    """What to do with the box between two stations.
-
-    >>> one, two, three = list_standard_rotations()[:3]
-    >>> describe_turn(one, two)
-    'turn it 90° to the right (clockwise seen from above)'
-    >>> describe_turn(three, one)
-    'turn it until it stands top up, front to the back'
-    """
+    """What to do with the box between two stations."""
     change = after @ before.T
     for name, (_, _, words) in TURNS.items():
         if np.abs(change - make_quarter_turn(name)).max() < 1e-6:
@@ -203,10 +178,6 @@ def measure_turns(directions: Array, covariance: Array) -> tuple[Array, Array]:
     """The angles (k,) from the first of unit directions (k, 3) to each, and their standard errors.
 
     Parameters: the covariance (2k, 2k) of the directions along their tangents.
-
-    >>> angle, sd = measure_turns(np.eye(3)[:2], 1e-4 * np.eye(4))
-    >>> np.degrees(angle).round(6).tolist(), sd.round(4).tolist()
-    ([0.0, 90.0], [0.0, 0.0141])
     """
     tangents, k = find_tangents(directions), len(directions)
     first = directions[0]
@@ -220,12 +191,7 @@ def measure_turns(directions: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def find_tangents(unit: Array) -> Array:
-    """Two unit vectors square to each other and to unit vectors (…, 3), as columns (…, 3, 2).
-
-    >>> t = find_tangents(np.array([0.0, 0.6, 0.8]))
-    >>> bool(np.allclose(t.T @ t, np.eye(2)))
-    True
-    """
+    """Two unit vectors square to each other and to unit vectors (…, 3), as columns (…, 3, 2)."""
     unit = np.asarray(unit, dtype=np.float64)
     helper = np.eye(3)[np.argmin(np.abs(unit), axis=-1)]
     first = np.cross(unit, helper)

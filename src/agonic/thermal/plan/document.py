@@ -37,16 +37,7 @@ METHODS = {"magnitude": "magnitude alone", "known": "turns known"}
 
 
 def describe_plan(plan: ThermalPlan, *, title: str = "") -> Document:
-    """Stations with drawings, chamber profile, expected standard errors, and lines to fill in.
-
-    >>> from agonic.thermal.plan.plan import plan_thermal
-    >>> made = describe_plan(plan_thermal("MPU-9255"))
-    >>> page = made.to_html()
-    >>> page.count('class="pose"'), "http://" in page.replace("http://www.w3.org", "")
-    (12, False)
-    >>> print(made.to_text().splitlines()[0])
-    12 stations, 1 sensor, −10 to +50 °C: 53 h 20 min in all
-    """
+    """Stations with drawings, chamber profile, expected standard errors, and lines to fill in."""
     profile, sensors = plan.profile, len(plan.sensors)
     stations = zip(plan.stations, plan.turns, strict=True)
     poses = {f"Station {s.number}": f"{turn} ({s.pose})" for s, turn in stations}
@@ -246,20 +237,12 @@ def _list_values(plan: ThermalPlan) -> dict[str, Any]:
 
 
 def _format_hours(seconds: float) -> str:
-    """A duration as hours and minutes.
-
-    >>> _format_hours(14_400), _format_hours(900), _format_hours(5_400)
-    ('4 h', '15 min', '1 h 30 min')
-    """
+    """A duration as hours and minutes."""
     whole, minutes = divmod(round(seconds / 60), 60)
     parts = [f"{whole} h"] * (whole > 0) + [f"{minutes} min"] * (minutes > 0 or whole == 0)
     return " ".join(parts)
 
 
 def _format_size(size: int) -> str:
-    """A size with a unit.
-
-    >>> _format_size(311_040_000), _format_size(2_500_000_000)
-    ('311 MB', '2.5 GB')
-    """
+    """A size with a unit."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{max(1, round(size / 1e6))} MB"

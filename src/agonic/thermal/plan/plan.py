@@ -273,20 +273,12 @@ _A, _B_C = 17.62, 243.12
 
 
 def find_dew_point(temperature_C: float, humidity_percent: float) -> float:
-    """The temperature, °C, at which air of a relative humidity gives off its water.
-
-    >>> round(find_dew_point(22.0, 50.0), 1), round(find_dew_point(22.0, 100.0), 1)
-    (11.1, 22.0)
-    """
+    """The temperature, °C, at which air of a relative humidity gives off its water."""
     exponent = log(humidity_percent / 100.0) + _A * temperature_C / (_B_C + temperature_C)
     return _B_C * exponent / (_A - exponent)
 
 
 def find_humidity(temperature_C: float, dew_point_C: float) -> float:
-    """The relative humidity, %, of air with a dew point.
-
-    >>> round(find_humidity(22.0, find_dew_point(22.0, 35.0)), 6)
-    35.0
-    """
+    """The relative humidity, %, of air with a dew point."""
     wet, saturated = (_A * t / (_B_C + t) for t in (dew_point_C, temperature_C))
     return 100.0 * exp(wet - saturated)

@@ -46,13 +46,6 @@ def expect_errors_by_magnitude(
     fields : (k, 3) the field in the axes of the sensor at each station, nT. basis : (m, p) φ at
         each temperature. readings : (m,) how many of each station lie there. noise : σ of one, nT.
     chamber_sd : how far, nT, the field of a station may be from that of the others.
-
-    >>> box = np.vstack([np.eye(3), -np.eye(3), np.ones((1, 3)), -np.ones((1, 3)) * [1, -1, 1]])
-    >>> field = 48_000 * box / np.linalg.norm(box, axis=1, keepdims=True)
-    >>> few, many = (expect_errors_by_magnitude(field, np.ones((1, 1)), np.array([n]), 100.0).bias
-    ...              for n in (100, 400))
-    >>> round(few / many, 6)
-    2.0
     """
     magnitude = np.linalg.norm(fields, axis=1)
     local = affine.magnitude_residual(fields, np.zeros(3), np.eye(3), magnitude)[1]
