@@ -16,10 +16,7 @@ from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.fit.fit import fit_thermal
 from agonic.thermal.plan.document import describe_plan
 from agonic.thermal.plan.plan import plan_thermal
-from agonic.thermal.plan.standard_errors import (
-    expect_errors_by_magnitude,
-    expect_errors_by_orientations,
-)
+from agonic.thermal.plan.standard_errors import expect_errors
 
 
 def test_the_standard_programme() -> None:
@@ -107,9 +104,8 @@ def simulated_error(noise: float, seeds: int) -> tuple[float, float]:
 def test_the_expected_errors_are_those_that_fits_make() -> None:
     rot_nb = np.array([s.rot_nb.as_matrix() for s in list_standard_stations()])
     field_n = 48_000 * np.array([np.cos(1.134), 0.0, np.sin(1.134)])
-    expected = expect_errors_by_magnitude(
-        np.swapaxes(rot_nb, 1, 2) @ field_n, np.ones((1, 1)), np.ones(1), 20.0
-    )
+    given = (np.ones((1, 1)), np.ones(1), 20.0)
+    expected = expect_errors(rot_nb, field_n, *given, fixture_sd_deg=None)
     bias, matrix = simulated_error(20.0, 1500)
     assert expected.bias == pytest.approx(bias, rel=0.04)
     assert expected.matrix == pytest.approx(matrix, rel=0.04)
@@ -119,15 +115,12 @@ def test_known_turns_help_and_never_hurt() -> None:
     rot_nb = np.array([s.rot_nb.as_matrix() for s in list_standard_stations()])
     field_n = np.array([20_000.0, 0.0, 43_600.0])
     given = (np.ones((1, 1)), np.array([1e4]), 100.0)
-    alone = expect_errors_by_magnitude(np.swapaxes(rot_nb, 1, 2) @ field_n, *given)
-    exact = expect_errors_by_orientations(rot_nb, field_n, *given)
-    coarse = [
-        expect_errors_by_orientations(rot_nb, field_n, *given, fixture_sd_deg=d)
-        for d in (1.0, 30.0)
-    ]
+    exact, fine, coarse, alone = (
+        expect_errors(rot_nb, field_n, *given, fixture_sd_deg=sd) for sd in (0, 1, 30, None)
+    )
     assert exact.bias == pytest.approx(100 / np.sqrt(12e4), rel=0.1)  # a mean of all readings
-    assert exact.bias < coarse[0].bias < coarse[1].bias <= alone.bias * 1.001
-    assert coarse[1].matrix == pytest.approx(alone.matrix, rel=0.01)
+    assert exact.bias < fine.bias < coarse.bias <= alone.bias * 1.001
+    assert coarse.matrix == pytest.approx(alone.matrix, rel=0.01)
 
 
 def test_a_changing_field_is_what_limits() -> None:

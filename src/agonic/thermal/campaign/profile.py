@@ -152,7 +152,7 @@ class Profile:
         return np.interp(np.asarray(time_s, dtype=np.float64), *self.corners)
 
     def spread(self, bin_width_C: float = 0.5) -> tuple[Array, Array]:
-        """Temperatures (m,) of bins over the range, and the seconds that a station spends in each."""
+        """Temperatures (m,) of bins over the range, and the seconds of a station in each."""
         bins = max(2, round(self.span_C / bin_width_C))
         edges = np.linspace(self.lowest_C, self.highest_C, bins + 1)
         seconds = np.zeros(bins)

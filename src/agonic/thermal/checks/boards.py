@@ -42,7 +42,7 @@ class Course:
 
 
 def average_minutes(samples: Samples, start_s: float) -> Array:
-    """The temperature of each minute since `start_s`, its mean; NaN in gaps and before the first."""
+    """The mean temperature of each minute since `start_s`; NaN in gaps and before the first."""
     assert samples.time is not None
     assert samples.temperature is not None
     minute = ((samples.time - start_s) / MINUTE_S).astype(np.intp)

@@ -23,11 +23,7 @@ from agonic.thermal.campaign.description import (
 )
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.maths.stations import describe_turn
-from agonic.thermal.plan.standard_errors import (
-    ExpectedErrors,
-    expect_errors_by_magnitude,
-    expect_errors_by_orientations,
-)
+from agonic.thermal.plan.standard_errors import ExpectedErrors, expect_errors
 
 HANDLING_MIN = 10.0
 """Minutes to open the chamber, turn the box and close it again."""
@@ -137,25 +133,20 @@ class ThermalPlan:
         level, seconds = self.profile.spread(self.bin_width_C)
         scaled = np.interp(level, (self.profile.lowest_C, self.profile.highest_C), (-1.0, 1.0))
         basis = np.asarray(np.polynomial.legendre.legvander(scaled, self.degree), np.float64)
-        given = (basis, seconds * self.rate_Hz, noise)
-        dip = np.radians(self.inclination_deg)
-        magnitude, known = [], []
+        dip, turns = np.radians(self.inclination_deg), (None, self.fixture_sd_deg)
+        found: list[list[ExpectedErrors]] = []
         for azimuth in np.radians(np.arange(0.0, 360.0, 45.0)):
             north, east = np.cos(dip) * np.cos(azimuth), np.cos(dip) * np.sin(azimuth)
             field_n = self.magnitude * np.array([north, east, np.sin(dip)])
-            fields = np.swapaxes(rot_nb, 1, 2) @ field_n
-            magnitude.append(expect_errors_by_magnitude(fields, *given, self.chamber_sd))
-            known.append(
-                expect_errors_by_orientations(
-                    rot_nb,
-                    field_n,
-                    *given,
-                    fixture_sd_deg=self.fixture_sd_deg,
-                    chamber_sd=self.chamber_sd,
-                )
+            given = (rot_nb, field_n, basis, seconds * self.rate_Hz, noise)
+            found.append(
+                [
+                    expect_errors(*given, fixture_sd_deg=turn, chamber_sd=self.chamber_sd)
+                    for turn in turns
+                ]
             )
-        both = {"magnitude": magnitude, "known": known}
-        return {kind: max(found, key=lambda e: e.bias) for kind, found in both.items()}
+        alone, known = (max(each, key=lambda e: e.bias) for each in zip(*found, strict=True))
+        return {"magnitude": alone, "known": known}
 
 
 def _describe_turn(before: Rotation | None, after: Rotation | None) -> str:
