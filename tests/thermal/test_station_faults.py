@@ -163,3 +163,13 @@ def test_ageing_is_not_taken_for_a_field_that_changes_for_long(seed: int) -> Non
     fit, over_stated = fit_spoilt("ageing", 100.0, seed, "unknown", 0.0)
     assert "ageing" in {one.name for one in fit.findings}
     assert over_stated < WRONG
+
+
+def test_a_step_that_turns_known_poorly_do_not_show_is_spoken_of() -> None:
+    """Good and ten standard errors off, without a word, before."""
+    said = "a bias that changed by 0.3 % of the field between stations would hardly show"
+    for fixture_deg, spoken in ((0.0, False), (1.0, True)):
+        made = campaign(3, n=150, fixture_deg=fixture_deg)
+        fit = fit_thermal(made.samples, KNOWN, stations="known", **QUICK)
+        assert fit.ok
+        assert (said in fit.status.lower()) is spoken

@@ -285,6 +285,16 @@ def _collect_anomalies(sums: Binned) -> tuple[Anomaly, ...]:
     )
 
 
+HARDLY_SHOWN = (
+    "a field that changed by {share} between stations would hardly show by the magnitude alone, "
+    "and put the bias off by {doubt}: record the first stations again at the end, or describe the "
+    "turns",
+    "a bias that changed by {share} of the field between stations would hardly show with turns "
+    "known no better, and put the bias off by {doubt}: record the first stations again at the end",
+)
+"""What the readings hardly show: by the magnitude alone, and with described turns."""
+
+
 def _make_remarks(
     fit: ThermalFit, unwatched: Thermal, reference: Reference | None
 ) -> tuple[str, ...]:
@@ -302,9 +312,9 @@ def _make_remarks(
     doubt, _ = evidence.find_worst_sd(unwatched)
     if doubt > _HARDLY_SHOWN * bias:
         said.append(
-            f"a field that changed by {100 * PLAUSIBLE:g} % between stations would hardly show by "
-            f"the magnitude alone, and put the bias off by {figure(doubt)} {calibration.unit_in}: "
-            "record the first stations again at the end, or describe the turns"
+            HARDLY_SHOWN[fit.fixture is not None].format(
+                share=f"{100 * PLAUSIBLE:g} %", doubt=f"{figure(doubt)} {calibration.unit_in}"
+            )
         )
     if fit.fixture is not None:
         sd_deg = fit.fixture.sd_deg

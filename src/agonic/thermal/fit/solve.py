@@ -120,7 +120,9 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
     drifting, ageing = _test_trends(readings, whole)
     # what is left of a thermometer's noise looks like small faults
     look = settings.faults and not readings.thermometer_C
-    changed = max(settings.unseen_change_sd, measure_shown_change(whole))
+    changed = 0.0
+    if not problem.turns_known:
+        changed = max(settings.unseen_change_sd, measure_shown_change(whole))
     faults = find_faults(problem, whole, readings.cells.time, (changed, PLAUSIBLE), look)
     allowed, unseen = faults.unseen
     return Solution(

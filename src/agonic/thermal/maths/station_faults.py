@@ -37,7 +37,8 @@ from agonic.thermal.maths.station_residuals import (
 )
 
 PLAUSIBLE = 0.003
-"""Of the field: what it may change by from one hour to another in a building, if nobody watches."""
+"""Of the field: what it may change by from one hour to another in a building, if nobody watches,
+or the bias of a sensor that is handled."""
 _BOUND = float((3.0 / chdtri(3, 0.95)) ** 0.5)
 """A standard deviation that three numbers tell is below 2.9 times theirs with 95 %."""
 ODD, STEP, SETTLING, AGEING = "odd", "step", "settling", "ageing"
@@ -210,7 +211,8 @@ def _linearise(
 
 class _Terms(NamedTuple):
     """Terms beside a fit, with cross-products of parameters, terms and residuals: first `changes`
-    from each station on, then slow changes by kind, then the faults."""
+    from each station on (of the bias where turns are known, else of the field), then slow changes
+    by kind, then the faults."""
 
     changes: Group
     groups: list[Group]
@@ -268,7 +270,11 @@ def _list_terms(fit: _Linear, time: Array, candidates: Sequence[Candidate], left
         or any(np.ptp(one.weight[own]) > _SAME for own in each)
     ]
     later = _rank_stations(problem, time)[:, None] >= np.arange(problem.stations)
-    steps = fit.by_field[:, None] * np.resize(later, (len(left), later.shape[1]))
+    p = problem.degree + 1
+    by = fit.jacobian[:, [0, p, 2 * p]] if problem.turns_known else fit.by_field[:, None]
+    half = 0.5 if problem.turns_known else 0.0  # of a bias that steps the middle is meant
+    steps = np.resize(later - half, (len(left), later.shape[1]))[:, :, None] * by[:, None]
+    steps = steps.reshape(len(left), -1)
     own = [fit.make_columns(each) for each in candidates]
     dense = np.hstack([fit.jacobian, steps, *own, left[:, None]])
     first = fit.jacobian.shape[1]
@@ -431,13 +437,20 @@ def _allow_for_changes(
     fit: _Linear, terms: _Terms, gram: Array, changes: Sequence[float], a: int
 ) -> tuple[Array, ...]:
     """What a random step of each of `changes` before every station but the first adds to the
-    covariance (a, a): parts that would show count no more than the noise lets them."""
-    if fit.problem.turns_known or fit.problem.stations < 2:
-        return tuple(np.zeros((a, a)) for _ in changes)
-    groups = [*terms.groups, terms.changes._replace(columns=terms.changes.columns[1:])]
-    every = [{**fit.slow, **({len(groups) - 1: sd} if sd > 0.0 else {})} for sd in (0.0, *changes)]
-    plain, *wider = (solve(gram, fit.prior, groups, each).inverse[:a, :a] for each in every)
-    return tuple(each - plain for each in wider)
+    covariance (a, a), where turns are known one such step at the worst place: parts that would
+    show count no more than the noise lets them."""
+    own = terms.changes.columns.reshape(fit.problem.stations, -1)[1:]
+    parts = own if fit.problem.turns_known else own.reshape(1, -1)
+    plain, last = solve(gram, fit.prior, terms.groups, fit.slow).inverse, len(terms.groups)
+    added = []
+    for size in changes:
+        worst = plain
+        for columns in parts if size > 0.0 and own.size else ():
+            groups = [*terms.groups, terms.changes._replace(columns=columns)]
+            wider = solve(gram, fit.prior, groups, {**fit.slow, last: size}).inverse
+            worst = max(worst, wider, key=lambda each: float(np.trace(each[:a, :a])))
+        added.append(worst[:a, :a] - plain[:a, :a])
+    return tuple(added)
 
 
 def _conclude(
