@@ -14,7 +14,7 @@ Source: D. MacKay (1992), Neural Computation 4, 415; A. Gelman (2006), Bayesian 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -54,7 +54,7 @@ class Prior(NamedTuple):
 
     information: Array
     pull: Array
-    off: float
+    off: Array | float
 
 
 class Base(NamedTuple):
@@ -69,18 +69,73 @@ class Base(NamedTuple):
 
 class Sized(NamedTuple):
     """A term averaged over its size: log-odds that it is there and their best size; mean (k,) and
-    covariance (k, k) of its unknowns; `alias` (m, k), by how much each moves the parameters."""
+    covariance (k, k) of its unknowns; `alias` (b, k), by how much each moves what the base holds,
+    and the covariance (b, b) of that."""
 
     odds: float
     size: float
     mean: Array
     covariance: Array
     alias: Array
+    spread: Array
 
     @property
     def square(self) -> Array:
         """E[u uᵀ], (k, k)."""
         return self.covariance + np.outer(self.mean, self.mean)
+
+
+class _Layout(NamedTuple):
+    """Groups by their numbers of unknowns and their sizes: the first unknown of each (g,), the
+    group of each unknown (k,), the unknowns of groups of as many, (a, k_a) each; sizes that are
+    tried, the first zero, their squares, and logarithms of their prior probabilities, (g, t)."""
+
+    first: Index
+    group: Index
+    alike: tuple[Index, ...]
+    sizes: Array
+    square: Array
+    log_chance: Array
+
+
+class _Turned(NamedTuple):
+    """Λ (k,) and q (k,) of groups, U of those with as many unknowns, (a, k_a, k_a), and how far
+    each unknown moves the base (b, k) that they stand beside."""
+
+    layout: _Layout
+    values: Array
+    seen: Array
+    axes: list[Array]
+    alias: Array
+
+
+def _lay_out(groups: Sequence[Group]) -> _Layout:
+    return _lay_out_alike(tuple((len(c), scale, odds, most) for _, c, scale, odds, most in groups))
+
+
+@lru_cache(maxsize=64)
+def _lay_out_alike(groups: tuple[tuple[int, float, float, float], ...]) -> _Layout:
+    """Groups by their numbers of unknowns, scales, odds and largest sizes."""
+    counts = np.array([count for count, *_ in groups], dtype=np.intp)
+    first = np.cumsum(counts) - counts
+    alike = [first[counts == k][:, None] + np.arange(k) for k in sorted(set(counts.tolist()))]
+    sizes = np.zeros((len(groups), len(GRID) + 1))
+    log_chance = np.full(sizes.shape, -np.inf)
+    for i, (_, *own) in enumerate(groups):
+        tried, chance = _list_sizes(*own)
+        sizes[i, : len(tried)], log_chance[i, : len(tried)] = tried, np.log(chance)
+    group = np.repeat(np.arange(len(groups)), counts)
+    return _Layout(first, group, tuple(alike), sizes, sizes**2, log_chance)
+
+
+def _list_sizes(scale: float, odds: float, most: float) -> tuple[Array, Array]:
+    """Sizes (t,), the first zero, and their prior probabilities."""
+    if odds == 1.0:
+        return np.array([0.0, scale]), np.array([np.finfo(float).tiny, 1.0])
+    ratio = GRID[most * 1.01 >= GRID]
+    density = ratio / (1 + ratio**2)  # half-Cauchy over the logarithm
+    chance = odds * density / density.sum()
+    return np.append(0.0, ratio * scale), np.append(1.0 - odds, chance)
 
 
 def solve(
@@ -91,26 +146,37 @@ def solve(
     without: int | None = None,
 ) -> Base:
     """The base of the parameters and the groups that are `there`, by their sizes; `without` one."""
-    m, there = len(prior.pull), {k: size for k, size in there.items() if k != without}
+    one = Prior(prior.information[None], prior.pull[None], np.array([prior.off]))
+    kept = {k: size for k, size in there.items() if k != without}
+    columns, inverse, estimate, evidence = solve_each(gram, one, groups, kept)
+    return Base(columns, inverse[0], estimate[0], float(evidence[0]))
+
+
+def solve_each(
+    gram: Array, priors: Prior, groups: Sequence[Group], there: Mapping[int, float]
+) -> tuple[Index, Array, Array, Array]:
+    """The columns of a base, and by each of several priors, (s, m, m), (s, m) and (s,), its
+    inverses (s, b, b), estimates (s, b) and evidences (s,)."""
+    m = priors.pull.shape[1]
     columns = np.concatenate([np.arange(m), *(groups[i].columns for i in there)]).astype(np.intp)
     sizes = np.repeat([*there.values()], [len(groups[i].columns) for i in there])
-    information = gram[np.ix_(columns, columns)].copy()
-    information[:m, :m] += prior.information
-    information[range(m, len(columns)), range(m, len(columns))] += sizes**-2.0
-    right = gram[columns, -1].copy()
-    right[:m] += prior.pull
-    least = 1e-24 * float(np.diag(information).max())  # what nothing shows stays finite
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), least))
-    scaled = information * np.outer(scale, scale) + _FIRM * np.eye(len(columns))
-    inverse = np.linalg.inv(scaled) * np.outer(scale, scale)
-    estimate = inverse @ right
-    volume = np.linalg.slogdet(scaled)[1] - 2 * np.log(scale).sum() + 2 * np.log(sizes).sum()
-    return Base(
-        columns,
-        inverse,
-        estimate,
-        0.5 * float(right @ estimate - gram[-1, -1] - volume - prior.off),
-    )
+    shared = gram[columns[:, None], columns]
+    shared.flat[m * (len(columns) + 1) :: len(columns) + 1] += sizes**-2.0
+    information = np.repeat(shared[None], len(priors.pull), axis=0)
+    information[:, :m, :m] += priors.information
+    right = np.repeat(gram[None, columns, -1], len(priors.pull), axis=0)
+    right[:, :m] += priors.pull
+    own = np.diagonal(information, axis1=1, axis2=2)
+    least = 1e-24 * own.max(axis=1, keepdims=True)  # what nothing shows stays finite
+    scale = 1.0 / np.sqrt(np.maximum(own, least))
+    both = scale[:, :, None] * scale[:, None]
+    scaled = information * both + _FIRM * np.eye(len(columns))
+    inverse = np.linalg.inv(scaled) * both
+    estimate = (inverse @ right[:, :, None])[:, :, 0]
+    volume = np.linalg.slogdet(scaled)[1] - 2 * np.log(scale).sum(axis=1)
+    volume += 2 * float(np.log(sizes).sum())
+    fitted = np.sum(right * estimate, axis=1) - gram[-1, -1]
+    return columns, inverse, estimate, 0.5 * (fitted - volume - priors.off)
 
 
 def average(gram: Array, base: Base, group: Group) -> Sized:
@@ -120,26 +186,28 @@ def average(gram: Array, base: Base, group: Group) -> Sized:
 
 def average_each(gram: Array, base: Base, groups: Sequence[Group]) -> list[Sized]:
     """Each term alone beside a base, averaged over its size."""
-    found: list[Sized | None] = [None] * len(groups)
-    for members, one in _size_alike(gram, base, groups):
-        weight = np.exp(one.joint - one.joint.max(axis=1, keepdims=True))
-        weight /= weight.sum(axis=1, keepdims=True)
-        shrunk = one.square / (1 + one.square * one.values[:, None])
-        means = shrunk * one.seen[:, None]
-        mean = np.einsum("gt,gtk->gk", weight, means)
-        apart = (means - mean[:, None]) * np.sqrt(weight)[:, :, None]
-        spread = np.swapaxes(apart, 1, 2) @ apart
-        spread[:, range(mean.shape[1]), range(mean.shape[1])] += np.einsum(
-            "gt,gtk->gk", weight, shrunk
-        )
-        covariance = one.axes @ spread @ np.swapaxes(one.axes, 1, 2)
-        mean = np.einsum("gik,gk->gi", one.axes, mean)
-        odds, sizes = one.find_best()
-        for k, i in enumerate(members):
-            found[i] = Sized(
-                float(odds[k]), float(sizes[k]), mean[k], covariance[k], one.alias[:, k]
-            )
-    return [one for one in found if one is not None]
+    one = _stand_beside(gram, base, groups)
+    layout, alias, joint = one.layout, one.alias, _weigh_sizes(one)
+    weight = np.exp(joint - joint.max(axis=1, keepdims=True))
+    weight = (weight / weight.sum(axis=1, keepdims=True))[layout.group]
+    square = layout.square[layout.group]
+    shrunk = square / (1 + square * one.values[:, None])
+    means = shrunk * one.seen[:, None]
+    turned = np.sum(weight * means, axis=1)
+    apart = (means - turned[:, None]) * np.sqrt(weight)
+    by_noise = np.sum(weight * shrunk, axis=1)
+    found: list[tuple[int, Sized]] = []
+    odds, sizes = _find_best(layout, joint)
+    for at, axes in zip(layout.alike, one.axes, strict=True):
+        covariance = apart[at] @ np.swapaxes(apart[at], 1, 2)
+        covariance[:, range(at.shape[1]), range(at.shape[1])] += by_noise[at]
+        covariance = axes @ covariance @ np.swapaxes(axes, 1, 2)
+        own, mean = alias[:, at].transpose(1, 0, 2), (axes @ turned[at][:, :, None])[:, :, 0]
+        spread = own @ covariance @ np.swapaxes(own, 1, 2)
+        i = layout.group[at[:, 0]]
+        each = zip(odds[i].tolist(), sizes[i].tolist(), mean, covariance, own, spread, strict=True)
+        found += zip(i.tolist(), (Sized(*one) for one in each), strict=True)
+    return [one for _, one in sorted(found, key=lambda numbered: numbered[0])]
 
 
 def choose(
@@ -187,71 +255,69 @@ def rate_there(
     Of its block P of the covariance and its estimate u, information beside the others is
     S = P⁻¹ − τ⁻² and the score s = P⁻¹ u.
     """
-    odds, best = np.empty(len(there)), np.empty(len(there))
-    at = len(base.columns) - sum(len(groups[i].columns) for i in there)
-    for k, (i, size) in enumerate(there.items()):
-        own = slice(at, at := at + len(groups[i].columns))
-        whole = np.linalg.inv(base.inverse[own, own])
-        trace = np.trace(gram[np.ix_(groups[i].columns, groups[i].columns)])
-        values, _, seen = _turn(
-            whole - np.eye(len(whole)) / size**2, whole @ base.estimate[own], trace
-        )
-        sizes, chance = _grid(groups[i])
-        joint = _weigh_sizes(values, seen, sizes[:, None] ** 2, chance)
-        odds[k], best[k] = _odds(joint), sizes[1 + int(np.argmax(joint[1:]))]
-    return odds, best
+    layout = _lay_out([groups[i] for i in there])
+    count, sizes = len(layout.group), np.array([*there.values()])
+    inverse, estimate = base.inverse[-count:, -count:], base.estimate[-count:]
+    squares, score = [], np.empty(count)
+    for at in layout.alike:
+        whole = np.linalg.inv(inverse[at[:, :, None], at[:, None]])
+        score[at] = (whole @ estimate[at][:, :, None])[:, :, 0]
+        own = sizes[layout.group[at[:, 0]]][:, None, None]
+        squares.append(whole - np.eye(at.shape[1]) / own**2)
+    columns = base.columns[-count:]
+    none = np.empty((0, count))
+    turned = _turn(layout, squares, score, gram[columns, columns], none)
+    return _find_best(layout, _weigh_sizes(turned))
 
 
 def rate(gram: Array, base: Base, groups: Sequence[Group]) -> tuple[Array, Array]:
     """The log-odds (g,) that each group is there beside a base, and its likeliest size."""
-    odds, best = np.empty(len(groups)), np.empty(len(groups))
-    for members, one in _size_alike(gram, base, groups):
-        odds[members], best[members] = one.find_best()
-    return odds, best
+    one = _stand_beside(gram, base, groups)
+    return _find_best(one.layout, _weigh_sizes(one))
 
 
-class _Alike(NamedTuple):
-    """Groups of as many unknowns and sizes: Λ (g, k), U (g, k, k) and q (g, k) of each beside a
-    base, squares of its sizes (g, t, 1), likelihood times prior of these (g, t) as a logarithm, and
-    how far its unknowns move the base (b, g, k)."""
-
-    values: Array
-    axes: Array
-    seen: Array
-    square: Array
-    joint: Array
-    alias: Array
-
-    def find_best(self) -> tuple[Array, Array]:
-        """The log-odds (g,) that each is there, and its likeliest size."""
-        likeliest = 1 + np.argmax(self.joint[:, 1:], axis=1)
-        sizes = np.sqrt(self.square[np.arange(len(likeliest)), likeliest, 0])
-        return _odds(self.joint), sizes
+def _stand_beside(gram: Array, base: Base, groups: Sequence[Group]) -> _Turned:
+    """Groups, each alone beside a base."""
+    layout, columns = _lay_out(groups), np.concatenate([group.columns for group in groups])
+    before = gram[base.columns[:, None], columns]
+    alias, squares = base.inverse @ before, []
+    for at in layout.alike:
+        own = columns[at]
+        across = before[:, at].transpose(1, 2, 0) @ alias[:, at].transpose(1, 0, 2)
+        squares.append(gram[own[:, :, None], own[:, None]] - across)
+    score = gram[columns, -1] - base.estimate @ before
+    return _turn(layout, squares, score, gram[columns, columns], alias)
 
 
-def _size_alike(
-    gram: Array, base: Base, groups: Sequence[Group]
-) -> Iterator[tuple[list[int], _Alike]]:
-    """Groups that are alike, by their numbers, each alone beside a base."""
-    alike: dict[tuple[int, int], list[int]] = {}
-    for i, group in enumerate(groups):
-        alike.setdefault((len(group.columns), len(_grid(group)[0])), []).append(i)
-    for members in alike.values():
-        columns = np.stack([groups[i].columns for i in members])
-        before = gram[base.columns][:, columns]  # (b, g, k)
-        own = gram[columns[:, :, None], columns[:, None, :]]
-        flat = before.reshape(len(base.columns), columns.size)
-        moved = (base.inverse @ flat).reshape(before.shape)
-        across = before.transpose(1, 2, 0) @ moved.transpose(1, 0, 2)
-        score = gram[columns, -1] - np.tensordot(base.estimate, before, 1)
-        trace = np.trace(own, axis1=1, axis2=2)[:, None]
-        values, axes, seen = _turn(own - across, score, trace)
-        sizes, chance = (
-            np.stack(each) for each in zip(*(_grid(groups[i]) for i in members), strict=True)
-        )
-        square = sizes[:, :, None] ** 2
-        joint = _weigh_sizes(values[:, None], seen[:, None], square, chance)
-        yield members, _Alike(values, axes, seen, square, joint, moved)
+def _turn(
+    layout: _Layout, squares: Sequence[Array], score: Array, whole: Array, alias: Array
+) -> _Turned:
+    """S = U Λ Uᵀ and q = Uᵀ s of each group, by S (a, k_a, k_a) of those alike and s (k,); what is
+    rounding beside the trace of the `whole` diagonal (k,) is none."""
+    values, seen, turns = np.empty(len(score)), np.empty(len(score)), []
+    for at, square in zip(layout.alike, squares, strict=True):
+        values[at], axes = np.linalg.eigh(square)
+        seen[at] = (score[at][:, None] @ axes)[:, 0]
+        turns.append(axes)
+    blind = values < ROUNDING * np.add.reduceat(whole, layout.first)[layout.group]
+    values[blind], seen[blind] = 0.0, 0.0
+    return _Turned(layout, values, seen, turns, alias)
+
+
+def _weigh_sizes(one: _Turned) -> Array:
+    """The logarithm of likelihood L(τ) times prior, (g, t)."""
+    square = one.layout.square[one.layout.group]
+    spread = 1 + square * one.values[:, None]
+    likelihood = 0.5 * ((one.seen**2)[:, None] * square / spread - np.log(spread))
+    return np.asarray(np.add.reduceat(likelihood, one.layout.first) + one.layout.log_chance)
+
+
+def _find_best(layout: _Layout, joint: Array) -> tuple[Array, Array]:
+    """The log-odds (g,) of all sizes above zero against none, and the likeliest size."""
+    likeliest, every = 1 + np.argmax(joint[:, 1:], axis=1), np.arange(len(joint))
+    most = joint[every, likeliest]
+    rest = np.log(np.exp(joint[:, 1:] - most[:, None]).sum(axis=1)) + most
+    return rest - joint[:, 0], layout.sizes[every, likeliest]
 
 
 def list_ways(
@@ -271,56 +337,18 @@ def list_ways(
     return [(chance / total, way) for chance, way in ways]
 
 
-def mix(chances: Array, each: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Mean and covariance of a mixture, by those of its parts."""
-    mean = np.asarray(sum(p * own for p, (own, _) in zip(chances, each, strict=True)))
-    covariance = np.zeros((len(mean), len(mean)))
-    for p, (own, spread) in zip(chances, each, strict=True):
-        covariance += p * (spread + np.outer(own - mean, own - mean))
-    return mean, covariance
+def mix(chances: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
+    """Mean and covariance of a mixture, by means (s, k) and covariances (s, k, k) of its parts."""
+    mean = chances @ means
+    apart = means - mean
+    return mean, np.tensordot(chances, covariances, 1) + (apart.T * chances) @ apart
 
 
 def price(groups: Sequence[Group], there: Mapping[int, float]) -> float:
     """The logarithm of the prior of these sizes."""
-    total = 0.0
-    for i, group in enumerate(groups):
-        sizes, chance = _grid(group)
-        total += np.log(chance[np.argmin(np.abs(sizes - there.get(i, 0.0)))])
+    layout = _lay_out(groups)
+    total = float(layout.log_chance[:, 0].sum())
+    for i, size in there.items():
+        nearest = np.argmin(np.abs(layout.sizes[i] - size))
+        total += float(layout.log_chance[i, nearest] - layout.log_chance[i, 0])
     return total
-
-
-@lru_cache(maxsize=64)
-def _list_sizes(scale: float, odds: float, most: float) -> tuple[Array, Array]:
-    if odds == 1.0:
-        return np.array([0.0, scale]), np.array([np.finfo(float).tiny, 1.0])
-    ratio = GRID[most * 1.01 >= GRID]
-    density = ratio / (1 + ratio**2)  # half-Cauchy over the logarithm
-    chance = odds * density / density.sum()
-    return np.append(0.0, ratio * scale), np.append(1.0 - odds, chance)
-
-
-def _grid(group: Group) -> tuple[Array, Array]:
-    """Sizes (g,), the first zero, and their prior probabilities."""
-    return _list_sizes(group.scale, group.odds, group.most)
-
-
-def _turn(square: Array, score: Array, trace: Array) -> tuple[Array, Array, Array]:
-    """Λ, U and q of S (…, k, k) and s (…, k); what is rounding beside `trace` (…, 1) is none."""
-    values, axes = np.linalg.eigh((square + np.swapaxes(square, -1, -2)) / 2)
-    seen = np.einsum("...ij,...i->...j", axes, score)
-    blind = values < ROUNDING * trace
-    return np.where(blind, 0.0, values), axes, np.where(blind, 0.0, seen)
-
-
-def _weigh_sizes(values: Array, seen: Array, square: Array, chance: Array) -> Array:
-    """The logarithm of likelihood L(τ) times prior, for squares of sizes (…, g, 1)."""
-    spread = 1 + square * values
-    likelihood = 0.5 * (seen**2 * square / spread - np.log(spread)).sum(axis=-1)
-    return np.asarray(likelihood + np.log(chance))
-
-
-def _odds(joint: Array) -> Array:
-    """The log-odds of all sizes above zero against none, over the last axis."""
-    most = joint[..., 1:].max(axis=-1)
-    rest = np.log(np.exp(joint[..., 1:] - most[..., None]).sum(axis=-1)) + most
-    return np.asarray(rest - joint[..., 0])

@@ -108,20 +108,25 @@ class Blocks(NamedTuple):
     def add(self) -> Array:
         """Cross-products of columns and steps over all rows, (c, m + k + 1, m + k + 1)."""
         heights, spans = self.heights, list(pairwise(self.edges))
-        places = heights.shape[1]
-        both = (heights[:, :, None] * heights[:, None, :]).reshape(-1, places**2).T
+        count, places = heights.shape
+        both = (heights[:, :, None] * heights[:, None]).reshape(count, places**2).T
         m, k = len(self.white[0]) - 1, 3 * places
-        sums = []
-        for white in self.white:
-            plain = white @ white.T
+        sums = np.empty((len(self.white), m + k + 1, m + k + 1))
+        for white, out in zip(self.white, sums, strict=True):
             by_bias = np.stack([white[:3, a:b] @ white[:, a:b].T for a, b in spans])
-            across = (heights.T @ by_bias.reshape(len(spans), -1)).reshape(k, m + 1).T
-            each = (both @ by_bias[:, :, :3].reshape(len(spans), 9)).reshape(places, places, 3, 3)
-            own = each.transpose(0, 2, 1, 3).reshape(k, k)
-            first = [plain[:m, :m], across[:m], plain[:m, m:]]
-            last = [plain[m:, :m], across[m:], plain[m:, m:]]
-            sums.append(np.block([first, [across[:m].T, own, across[m:].T], last]))
-        return np.stack(sums)
+            across = (heights.T @ by_bias.reshape(count, -1)).reshape(k, m + 1)
+            each = (both @ by_bias[:, :, :3].reshape(count, 9)).reshape(places, places, 3, 3)
+            plain = white @ white.T
+            out[:m, :m], out[:m, -1], out[-1, :m], out[-1, -1] = (
+                plain[:m, :m],
+                plain[:m, -1],
+                plain[-1, :m],
+                plain[-1, -1],
+            )
+            out[m:-1, :m], out[m:-1, -1] = across[:, :m], across[:, -1]
+            out[:m, m:-1], out[-1, m:-1] = across[:, :m].T, across[:, -1]
+            out[m:-1, m:-1] = each.transpose(0, 2, 1, 3).reshape(k, k)
+        return sums
 
     def split(self, columns: Index, weights: Array) -> Array:
         """Cross-products of some columns and the residuals in each block, (b, k + 1, k + 1), summed

@@ -103,7 +103,7 @@ class Search:
         white = [whiten(one.columns, by) for one, by in zip(self.stacks, filters, strict=True)]
         edges = np.linspace(0, white[0].shape[1], count_blocks(white[0].shape[1]) + 1).astype(int)
         blocks = Blocks(white, edges, self.radius)
-        by_channel, n = blocks.add(), float(blocks.edges[-1])
+        by_channel, n = blocks.add(), float(edges[-1])
         there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
         for _ in range(_ROUNDS):
             gram = np.tensordot(sds**-2.0, by_channel, axes=1)

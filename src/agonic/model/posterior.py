@@ -13,7 +13,18 @@ from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.coverage import DOWN
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.estimation.noise.student import compute_widening
-from agonic.model.average import Base, Prior, average, average_each, list_ways, mix, solve
+from agonic.maths.one_pass import find_length
+from agonic.model.average import (
+    Base,
+    Prior,
+    average,
+    average_each,
+    list_ways,
+    mix,
+    solve,
+    solve_each,
+)
+from agonic.model.gram import Stack
 from agonic.model.pose import LEAST_NOISE, Explained, Known, Search, find_prior, or_none, pose
 from agonic.model.rows import Rows, choose_rows, join_pieces
 from agonic.model.shares import Level, Share, stand_level, weigh
@@ -38,7 +49,7 @@ class Held(NamedTuple):
 
 
 def find_held(
-    rows: Rows, estimate: Estimate, channels: Sequence[str], base: Base, prior: Prior, level: Array
+    rows: Rows, estimate: Estimate, stacks: Sequence[Stack], base: Base, prior: Prior, level: Array
 ) -> Held:
     """What holds the heading where readings do not.
 
@@ -55,11 +66,10 @@ def find_held(
     whole = np.linalg.inv(inverse)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
     both = np.outer(scale, scale)
-    seen, by_noise = _add_up_white(rows, estimate, channels)
+    seen, by_noise = _add_up_white(rows, estimate, stacks)
     chance = 1.0 + BY_CHANCE / np.sqrt(max(len(rows.weights), 1))
     held = prior.information * both
-    told = whole * both - held
-    turned = _root(told) @ np.linalg.pinv(_root(seen * both), rcond=_FLOOR)
+    turned = _power(whole * both - held, 0.5) @ _power(seen * both, -0.5)
     held = held + turned @ (by_noise * both) @ turned.T * chance
     values, axes = np.linalg.eigh(whole * both - held)
     alone = (axes / np.maximum(values, _FLOOR * values[-1])) @ axes.T
@@ -71,27 +81,28 @@ def find_held(
     return Held(min(share, 1.0), float(np.sqrt(max(variance, 0.0))), bias_sd)
 
 
-def _root(information: Array) -> Array:
-    """A root of information that may be singular, by its axes."""
+def _power(information: Array, power: float) -> Array:
+    """A power of information that may be singular, by its axes; none along those not seen."""
     values, axes = np.linalg.eigh(information)
-    return np.asarray((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)
+    seen = values > _FLOOR**2 * values[-1]
+    return np.asarray((axes[:, seen] * values[seen] ** power) @ axes[:, seen].T)
 
 
-def _add_up_white(rows: Rows, estimate: Estimate, channels: Sequence[str]) -> tuple[Array, Array]:
+def _add_up_white(rows: Rows, estimate: Estimate, stacks: Sequence[Stack]) -> tuple[Array, Array]:
     """Information (m, m) of the footpoints for white noise, and that which noise pretends to."""
-    params, points = estimate.solution.params, rows.footpoints.points
+    params, points, roots = estimate.solution.params, rows.footpoints.points, np.sqrt(rows.weights)
+    m = len(params)
     blur = estimate.noise["magnitude"].sd * np.random.default_rng(0).normal(size=points.shape)
-    at_footpoints = {one: join_pieces(rows.footpoints, one, params)[1] for one in channels}
-    normal = at_footpoints["magnitude"][:, :3]
-    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = stacks[0].columns[:3].T
+    normal = normal / np.maximum(find_length(normal), 1e-300)[:, None]
     blur -= normal * np.sum(blur * normal, axis=1, keepdims=True)
     blurred = rows.footpoints._replace(points=points + blur)
-    seen, by_noise = np.zeros((len(params), len(params))), np.zeros((len(params), len(params)))
-    for channel, standing in at_footpoints.items():
-        weights = rows.weights / estimate.noise[channel].sd ** 2
-        change = join_pieces(blurred, channel, params)[1] - standing
-        seen += (standing.T * weights) @ standing
-        by_noise += (change.T * weights) @ change
+    seen, by_noise = np.zeros((m, m)), np.zeros((m, m))
+    for name, columns in stacks:
+        standing, variance = columns[:m], estimate.noise[name].sd ** 2
+        change = join_pieces(blurred, name, params)[1].T * roots + standing
+        seen += standing @ standing.T / variance
+        by_noise += change @ change.T / variance
     return seen, by_noise
 
 
@@ -234,15 +245,18 @@ def _centre(at: Scene, base: Base, there: Mapping[int, float]) -> tuple[Array, A
     m = len(at.search.prior.pull)
     if at.soft_iron is None:
         return base.estimate[:m].copy(), base.inverse[:m, :m].copy()
-    bases = []
-    for sd in SOFT_IRON_SDS:
-        prior = find_prior(at.soft_iron, at.estimate.solution.params, float(sd))
-        bases.append(solve(at.found.gram, prior, at.search.groups, there))
-    evidence = np.array([one.evidence for one in bases])
-    evidence -= _SOFT_IRON_FREEDOM * np.log(SOFT_IRON_SDS)
+    params = at.estimate.solution.params
+    others, one = (find_prior(at.soft_iron, params, sd) for sd in (None, 1.0))
+    by_size = SOFT_IRON_SDS[:, None] ** -2.0  # what is known of soft iron goes by its square
+    priors = Prior(
+        others.information + by_size[:, None] * (one.information - others.information),
+        others.pull + by_size * (one.pull - others.pull),
+        others.off + by_size[:, 0] * (one.off - others.off),
+    )
+    _, inverses, estimates, evidence = solve_each(at.found.gram, priors, at.search.groups, there)
+    evidence = evidence - _SOFT_IRON_FREEDOM * np.log(SOFT_IRON_SDS)
     weights = np.exp(evidence - evidence.max())
-    weights /= weights.sum()
-    return mix(weights, [(one.estimate[:m], one.inverse[:m, :m]) for one in bases])
+    return mix(weights / weights.sum(), estimates[:, :m], inverses[:, :m, :m])
 
 
 def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
@@ -251,20 +265,19 @@ def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
     m = len(prior.pull)
     shift, noise = _centre(at, base, there)
     noise *= share * compute_widening(max(len(at.rows.weights) - m, 1)) ** 2
-    covariance = noise.copy()
     if share < 1.0:  # some rows alone: what they say of terms counts, not where they are best
         shift = shift - solve(gram, prior, groups, {}).estimate[:m]
-    shares = []
+    covariance, shares = noise.copy(), []
     for i, sized in enumerate(average_each(gram, base, groups)):
         if i in there:
             sized = average(gram, solve(gram, prior, groups, there, i), groups[i])
-        alias = sized.alias[:m]
-        if i not in there:
-            shift = shift - alias @ sized.mean
-            covariance += alias @ sized.covariance @ alias.T
-        term, errors, row = _find_errors(at, i)
-        one = weigh(term, errors, sized, alias, at.level, there=i in there)
-        if i in there and row is not None:
+        else:
+            shift = shift - sized.alias[:m] @ sized.mean
+            covariance += sized.spread[:m, :m]
+        term = at.known[i].term if i < len(at.known) else STEP
+        errors, row = _find_errors(at, i) if i in there else (None, None)
+        one = weigh(term, sized, at.level, errors)
+        if row is not None:
             one = one._replace(row=row, size=float(np.sqrt(np.trace(sized.square))))
         shares.append(one)
     return Way(shift, covariance, noise, shares)
@@ -281,7 +294,11 @@ def _explain_all(at: Scene) -> Way:
         return first
     more = [_explain(at, there, solve(*fixed, there)) for _, there in listed[1:]]
     ways, chances = [first, *more], np.array([chance for chance, _ in listed])
-    shift, covariance = mix(chances, [(one.shift, one.covariance) for one in ways])
+    shift, covariance = mix(
+        chances,
+        np.array([one.shift for one in ways]),
+        np.array([one.covariance for one in ways]),
+    )
     apart = np.sqrt([at.level.spread(np.outer(d, d)) for d in (w.shift - shift for w in ways)])
     shares = []
     for i, each in enumerate(zip(*(one.shares for one in ways), strict=True)):
@@ -310,9 +327,8 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
     at_rest = sum(one.at_rest_deg**2 for one in shares)
     covariance[:3, :3] += (at_rest / level.per_error + memory) * rows.radius**2 * np.eye(3)
     own = level.by_params - (level.by_params.mean(axis=0) if search.stacks[1:] else 0.0)
-    channels = [one.name for one in search.stacks]
     counts = len(found.sds) * found.blocks.rows
-    at_footpoints = (rows, at.estimate, channels, found.base, search.prior, own)
+    at_footpoints = (rows, at.estimate, search.stacks, found.base, search.prior, own)
     return Posterior(
         params=at.estimate.solution.params + shift,
         covariance=covariance,
@@ -330,12 +346,12 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
     )
 
 
-def _find_errors(at: Scene, i: int) -> tuple[Term, Errors, int | None]:
-    """A group's term and its errors; of a step those of its moment, and the row where it is."""
+def _find_errors(at: Scene, i: int) -> tuple[Errors, int | None]:
+    """The errors of a group; of a step those of its moment, and the row where it is."""
     if i < len(at.known):
-        return at.known[i].term, at.known[i].errors, None
+        return at.known[i].errors, None
     counts = at.found.blocks.rows
     before = int(counts[: i - len(at.known) + 1].sum())
     n = int(counts.sum())
     height = np.where(np.arange(n) >= before, before / n, before / n - 1.0)
-    return STEP, Errors(np.asarray(height[None, None])), int(at.rows.seen.rows[before])
+    return Errors(np.asarray(height[None, None])), int(at.rows.seen.rows[before])

@@ -72,7 +72,7 @@ class Weighed(NamedTuple):
 
 
 def _log_squares(found: Explained, base: Base) -> Array:
-    return np.log([one.square for one in leave_out(found.split(base), base)])
+    return np.asarray(np.log(leave_out(found.split(base), base).square))
 
 
 def is_surely_less(left: Array, tries: int) -> bool:

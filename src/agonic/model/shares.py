@@ -17,21 +17,18 @@ from agonic.model.term import Errors, Seen, Term
 
 class Level(NamedTuple):
     """Level headings (h,): derivatives by the parameters (h, m) and by errors of the readings over
-    the radius (h, 3), degrees, and what terms see there."""
+    the radius (h, 3), degrees, and what terms see there; the mean products (m, m) of the former,
+    and the variance of a heading by errors of unit size on every axis, degrees²."""
 
     by_params: Array
     by_errors: Array
     seen: Seen
+    square: Array
+    per_error: float
 
-    @property
-    def per_error(self) -> float:
-        """Variance of a heading by errors of the readings of unit size on every axis, degrees²."""
-        return float(np.mean(np.sum(self.by_errors**2, axis=1)))
-
-    def spread(self, covariance: Array, by: Array | None = None) -> float:
-        """Variance of a heading, mean over all, by parameters or other unknowns of a covariance."""
-        ways = self.by_params if by is None else by
-        return float(np.mean(np.sum((ways @ covariance) * ways, axis=1)))
+    def spread(self, covariance: Array) -> float:
+        """Variance of a heading, mean over all, by parameters of a covariance (m, m)."""
+        return float(np.sum(covariance * self.square))
 
 
 def stand_level(
@@ -55,7 +52,9 @@ def stand_level(
         rows=np.zeros(len(d), dtype=np.intp),
         blur=0.0,
     )
-    return Level(by_params, np.degrees(across @ matrix * rows.radius / level), seen)
+    by_errors = np.degrees(across @ matrix * rows.radius / level)
+    square = by_params.T @ by_params / len(d)
+    return Level(by_params, by_errors, seen, square, float(np.sum(by_errors**2) / len(d)))
 
 
 SHAPE, DILUTION = 1.0, 1.5
@@ -89,14 +88,10 @@ class Share(NamedTuple):
         return f"{self.term.what} {value:.{decimals}f} ± {figure(sd)} {self.term.unit}"
 
 
-def weigh(
-    term: Term, errors: Errors, sized: Sized, alias: Array, level: Level, *, there: bool
-) -> Share:
-    """The share of a term with these errors in the log; `alias` (m, k) is how its unknowns move the
-    parameters."""
-    through = level.by_params @ alias
-    moved = level.spread(sized.covariance, through)
-    rest = 0.0
+def weigh(term: Term, sized: Sized, level: Level, errors: Errors | None) -> Share:
+    """The share of a term, with its errors in the log where it is there."""
+    m = len(level.square)
+    moved, rest = level.spread(sized.spread[:m, :m]), 0.0
     if term.at_rest:
         own = term.errors(level.seen)
         assert own is not None
@@ -104,12 +99,14 @@ def weigh(
             rest = term.sideways * own.mean_square(sized.square) * level.per_error
         else:
             direct = own.along(level.by_errors.T).T
-            both = level.spread(sized.covariance, direct + through)
+            whole = direct + level.by_params @ sized.alias[:m]
+            both = float(np.sum((whole @ sized.covariance) * whole)) / len(whole)
             rest = max(both - moved, 0.0) + float(np.mean((direct @ sized.mean) ** 2))
-    if there and (term.at_rest or term.diluted):
-        doubt = DILUTION if term.diluted else SHAPE
-        rest += doubt**2 * float(np.mean((through @ sized.mean) ** 2))
-    size = float(np.sqrt(errors.mean_square(sized.square))) if there else 0.0
+    if errors is not None and (term.at_rest or term.diluted):
+        move = level.by_params @ (sized.alias[:m] @ sized.mean)
+        rest += (DILUTION if term.diluted else SHAPE) ** 2 * float(np.mean(move**2))
+    size = 0.0 if errors is None else float(np.sqrt(errors.mean_square(sized.square)))
+    alone = len(sized.mean) == 1
     return Share(
         term=term,
         odds=sized.odds,
@@ -117,7 +114,5 @@ def weigh(
         heading_deg=float(np.sqrt(moved + rest)),
         at_rest_deg=float(np.sqrt(rest)),
         moves_deg=size * float(np.sqrt(level.per_error / 3)) if term.moves else 0.0,
-        measured=(float(sized.mean[0]), float(np.sqrt(sized.covariance[0, 0])))
-        if len(sized.mean) == 1
-        else None,
+        measured=(float(sized.mean[0]), float(np.sqrt(sized.covariance[0, 0]))) if alone else None,
     )

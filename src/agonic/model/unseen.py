@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -26,16 +25,17 @@ class Unseen(NamedTuple):
 
 
 class LeftOut(NamedTuple):
-    """One block by the fit to all others: how far the unknowns move without it, how much less is
-    known of them, and what is left of its squares, as they are and over what they should be."""
+    """Each block by the fit to all others: how far the unknowns move without it (b, m), how much
+    less is known of them (b, m, m), and what is left of its squares, as they are and over what they
+    should be, (b,)."""
 
     apart: Array
     wider: Array
-    square: float
-    standard: float
+    square: Array
+    standard: Array
 
 
-def leave_out(blocks: Array, base: Base) -> Iterator[LeftOut]:
+def leave_out(blocks: Array, base: Base) -> LeftOut:
     """Each block by the fit to all others, from M − G_b and its right side.
 
     Of the residuals e of a block with columns X, by the fit without it, eᵀ(1 + X(M − G_b)⁻¹Xᵀ)⁻¹e =
@@ -44,17 +44,20 @@ def leave_out(blocks: Array, base: Base) -> Iterator[LeftOut]:
     Parameters: cross-products (b, m + 1, m + 1) over the noise of what the `base` of all holds, the
     residuals last.
     """
-    whole = np.linalg.inv(base.inverse)
-    right = whole @ base.estimate
-    for one in blocks:
-        own, score, whole_square = one[:-1, :-1], one[:-1, -1], float(one[-1, -1])
-        inverse = np.linalg.inv(whole - own)
-        without = inverse @ (right - score)
-        pull = score - own @ without
-        least = ROUNDING * whole_square
-        square = max(float(whole_square - score @ without - without @ pull), least)
-        standard = max(square - float(pull @ base.inverse @ pull), least)
-        yield LeftOut(without - base.estimate, inverse - base.inverse, square, standard)
+    whole: Array = np.linalg.inv(base.inverse)
+    own, score, squares = blocks[:, :-1, :-1], blocks[:, :-1, -1], blocks[:, -1, -1]
+    inverses: Array = np.linalg.inv(whole - own)
+    without = _times(inverses, whole @ base.estimate - score)
+    pull = score - _times(own, without)
+    least = ROUNDING * squares
+    square = np.maximum(squares - np.sum((score + pull) * without, axis=1), least)
+    standard = np.maximum(square - np.sum((pull @ base.inverse) * pull, axis=1), least)
+    return LeftOut(without - base.estimate, inverses - base.inverse, square, standard)
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Matrices (b, m, m) times vectors (b, m)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
 def predict_unseen(blocks: Array, counts: Array, base: Base, level: Array) -> Unseen:
@@ -63,16 +66,13 @@ def predict_unseen(blocks: Array, counts: Array, base: Base, level: Array) -> Un
     Parameters as in `leave_out`, `counts` (b,) of residuals, `level` (h, m) derivatives of the
     heading.
     """
-    m, squares, moves, expected = level.shape[1], list[float](), 0.0, list[float]()
-    for one in leave_out(blocks, base):
-        squares.append(one.standard)
-        moves += float(np.mean((level @ one.apart[:m]) ** 2))
-        spread = float(np.einsum("hi,ij,hj->", level, one.wider[:m, :m], level)) / len(level)
-        expected.append(max(spread, 0.0))
-    ratio = np.array(squares) / counts
+    m, left = level.shape[1], leave_out(blocks, base)
+    moves = np.mean((left.apart[:, :m] @ level.T) ** 2, axis=1)
+    spread = np.sum(left.wider[:, :m, :m] * (level.T @ level / len(level)), axis=(1, 2))
+    expected = np.maximum(spread, 0.0)
     return Unseen(
-        float(np.sqrt(max(float(np.average(ratio, weights=counts)), 0.0))),
-        float(np.sqrt(moves)),
-        float(np.sqrt(sum(expected))),
-        sum(expected) ** 2 / max(float(np.square(expected).sum()), 1e-300),
+        float(np.sqrt(left.standard.sum() / counts.sum())),
+        float(np.sqrt(moves.sum())),
+        float(np.sqrt(expected.sum())),
+        float(expected.sum() ** 2 / max(expected @ expected, 1e-300)),
     )
