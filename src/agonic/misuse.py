@@ -82,10 +82,15 @@ def _as_meant(function: Callable[..., Any], args: tuple[Any, ...], given: dict[s
         return args
     named = {name: _make_noun(given[name], *nouns[name]) for name in nouns.keys() & given.keys()}
     given |= named
-    order = list(signature(function).parameters)[: len(args)]
+    order = _list_parameters(function)[: len(args)]
     placed = (nouns.get(name, (None, None)) for name in order)
     rest = args[len(order) :]
     return *(_make_noun(value, *one) for value, one in zip(args, placed, strict=False)), *rest
+
+
+@cache
+def _list_parameters(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(signature(function).parameters)
 
 
 @cache

@@ -24,7 +24,8 @@ SHORT = 11
 
 def fit_filter(residuals: Array) -> Array:
     """The filter (1, −a₁, …, −a_p) that whitens residuals (n,), its order by likelihood less
-    `PRICE` a lag (Levinson's recursion on the autocovariances).
+    `PRICE` a lag. What p lags leave of the variance is a pivot of the autocovariances' Cholesky
+    factor.
 
     >>> rng = np.random.default_rng(0)
     >>> len(fit_filter(rng.normal(size=2000)))
@@ -40,18 +41,16 @@ def fit_filter(residuals: Array) -> Array:
     covariances = np.array([residuals[: n - k] @ residuals[k:] for k in range(most + 1)]) / n
     if not covariances[0] > 0.0:
         return WHITE
-    weights, left = np.empty(0), float(covariances[0])
-    best, cost = WHITE, n * np.log(left)
-    for k in range(1, most + 1):
-        reflection = (covariances[k] - weights @ covariances[k - 1 : 0 : -1]) / left
-        weights = np.append(weights - reflection * weights[::-1], reflection)
-        left *= 1.0 - reflection**2
-        if not left > 0.0:
-            break
-        price = n * np.log(left) + PRICE * k
-        if price < cost:
-            best, cost = np.append(1.0, -weights), price
-    return best
+    from scipy.linalg.lapack import dpotrf  # here, so that what only reads a log loads no SciPy
+
+    lags = np.arange(most + 1)
+    matrix = covariances[np.abs(lags[:, None] - lags)]
+    factor, failed = dpotrf(matrix, lower=1)
+    left = np.diag(factor)[: failed - 1 if failed else None] ** 2
+    p = int(np.argmin(n * np.log(left) + PRICE * lags[: len(left)]))
+    if p == 0:
+        return WHITE
+    return np.append(1.0, -np.linalg.solve(matrix[:p, :p], covariances[1 : p + 1]))
 
 
 def whiten(rows: Array, by: Array) -> Array:

@@ -6,9 +6,9 @@ What goes together in time is terms, or noise with memory, whichever is likelier
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
-from typing import NamedTuple, ParamSpec, TypeVar
+from typing import NamedTuple, ParamSpec, Self, TypeVar
 
 import numpy as np
 
@@ -59,6 +59,11 @@ class Search:
     prior: Prior
     groups: Sequence[Group]
     radius: float
+
+    def weigh(self, roots: Array) -> Self:
+        """The same with all rows times the roots (n,) of further weights."""
+        stacks = [Stack(one.name, one.columns * roots) for one in self.stacks]
+        return replace(self, stacks=stacks)
 
     def explain(self, sds: Array) -> Explained:
         """The likeliest of three ways: terms beside white noise, terms first and then memory, and

@@ -26,7 +26,7 @@ from agonic.model.average import (
 )
 from agonic.model.gram import Stack
 from agonic.model.pose import LEAST_NOISE, Explained, Known, Search, find_prior, or_none, pose
-from agonic.model.rows import Rows, choose_rows, join_pieces
+from agonic.model.rows import Rows, choose_rows, compute_jacobian
 from agonic.model.shares import Level, Share, stand_level, weigh
 from agonic.model.term import Errors, Term
 from agonic.model.terms import HIDDEN
@@ -100,7 +100,7 @@ def _add_up_white(rows: Rows, estimate: Estimate, stacks: Sequence[Stack]) -> tu
     seen, by_noise = np.zeros((m, m)), np.zeros((m, m))
     for name, columns in stacks:
         standing, variance = columns[:m], estimate.noise[name].sd ** 2
-        change = join_pieces(blurred, name, params)[1].T * roots + standing
+        change = compute_jacobian(blurred, name, params).T * roots + standing
         seen += standing @ standing.T / variance
         by_noise += change @ change.T / variance
     return seen, by_noise

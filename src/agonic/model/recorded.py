@@ -141,14 +141,15 @@ def _explain(
     sds = np.array([estimate.noise[one].sd for one in channels])
     left = [compute_residuals(rows.problem, one, params) for one in channels]
     recorded = {i for i, one in enumerate(terms) if one.name == RECORDED}
+    whole, _ = pose(rows, estimate, terms, None)
     for _ in range(_ROUNDS):
         over = np.max([np.abs(one) / sd for one, sd in zip(left, sds, strict=True)], axis=0)
-        weights = np.minimum(1.0, HUBER / np.maximum(over, 1e-300))
-        search, _ = pose(rows._replace(weights=weights), estimate, terms, None)
+        roots = np.sqrt(np.minimum(1.0, HUBER / np.maximum(over, 1e-300)))
+        search = whole.weigh(roots)
         found = search.explain_white(sds)[0] if white else search.explain(sds)
         if recorded.isdisjoint(found.there):
             break
-        left, sds = [one / np.sqrt(weights) for one in search.leave(found)], found.sds
+        left, sds = [one / roots for one in search.leave(found)], found.sds
     return search, found
 
 

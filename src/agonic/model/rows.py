@@ -13,8 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.equation.affine import magnitude_residual, split
-from agonic.maths.equation.channels import Problem, pieces
+from agonic.maths.equation.affine import split
+from agonic.maths.equation.channels import (
+    Problem,
+    compute_distances,
+    compute_gradients,
+    compute_residuals,
+    pieces,
+)
 from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.one_pass import find_length
 from agonic.model.gram import Stack
@@ -35,24 +41,21 @@ def move_to_footpoints(problem: Problem, estimate: Estimate) -> Problem:
     bias, matrix = split(problem.basis @ params[: problem.basis.shape[1]])
     points = problem.points
     for channel, noise in estimate.noise.items():
-        residuals, jacobian = join_pieces(problem, channel, params)
-        way = jacobian[:, :3] / np.maximum(find_length(jacobian[:, :3]), 1e-300)[:, None]
+        residuals, gradients = compute_gradients(problem, channel, params)
+        way = gradients / np.maximum(find_length(gradients), 1e-300)[:, None]
         share = min(estimate.noise["magnitude"].sd / noise.sd, 1.0) ** 2
         points = points + (share * residuals)[:, None] * way
     for _ in range(_ROUNDS):
-        r, local = magnitude_residual(points, bias, matrix, problem.magnitude)
-        points = points + r[:, None] * local[:, :3]
+        r, normals = compute_distances(points, bias, matrix, problem.magnitude)
+        points = points - r[:, None] * normals
     standing = problem._replace(points=points)
     return standing if problem.dip is None else _turn(standing, bias, matrix)
 
 
-def join_pieces(
-    problem: Problem, channel: str, params: Array, noise_sd: float = 0.0
-) -> tuple[Array, Array]:
-    """Residuals (n,) and Jacobian (n, m) of a channel in one piece."""
-    parts = zip(*pieces(problem, channel, noise_sd)(params), strict=True)
-    residuals, jacobian = map(np.concatenate, parts)
-    return residuals, jacobian
+def compute_jacobian(problem: Problem, channel: str, params: Array) -> Array:
+    """The Jacobian (n, m) of a channel in one piece."""
+    parts = [jacobian for _, jacobian in pieces(problem, channel)(params)]
+    return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
 def _turn(problem: Problem, bias: Array, matrix: Array) -> Problem:
@@ -152,9 +155,8 @@ def stack_columns(
     roots, stacks = np.sqrt(rows.weights), []
     count = len(params) + sum(one.unknowns for one in errors) + 1
     for channel in channels:
-        residuals, _ = join_pieces(rows.problem, channel, params, noise)
-        _, jacobian = join_pieces(rows.footpoints, channel, params)
-        by_params = -jacobian.T
+        residuals = compute_residuals(rows.problem, channel, params, noise)
+        by_params = -compute_jacobian(rows.footpoints, channel, params).T
         ways = by_params[:3] * (rows.radius * roots)
         columns = np.empty((count, len(roots)))
         np.multiply(by_params, roots, out=columns[: len(params)])

@@ -44,9 +44,9 @@ def leave_out(blocks: Array, base: Base) -> LeftOut:
     Parameters: cross-products (b, m + 1, m + 1) over the noise of what the `base` of all holds, the
     residuals last.
     """
-    whole: Array = np.linalg.inv(base.inverse)
+    whole = np.asarray(np.linalg.inv(base.inverse), dtype=np.float64)
     own, score, squares = blocks[:, :-1, :-1], blocks[:, :-1, -1], blocks[:, -1, -1]
-    inverses: Array = np.linalg.inv(whole - own)
+    inverses = np.asarray(np.linalg.inv(whole - own), dtype=np.float64)
     without = _times(inverses, whole @ base.estimate - score)
     pull = score - _times(own, without)
     least = ROUNDING * squares

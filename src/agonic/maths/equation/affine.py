@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ ELLIPSE = "ellipse"
 
 _UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx yy zz xy xz yz
 _LOWER = ((1, 0), (2, 0), (2, 1))  # yx zx zy
+
+Derivatives = bool | Literal["bias"]
+"""Which a residual is asked for: all twelve, none, or the three by the bias."""
 
 
 class AttitudeShare(NamedTuple):
@@ -89,7 +92,7 @@ def magnitude_residual(
     magnitude: Array | float,
     noise_sd: float = 0.0,
     *,
-    differentiate: bool = True,
+    differentiate: Derivatives = True,
 ) -> tuple[Array, Array]:
     """How far each reading lies from the ellipsoid, as a distance in raw space, and its Jacobian.
 
@@ -108,7 +111,7 @@ def magnitude_residual(
 
     Parameters: raw (n, 3), bias (3,), matrix (3, 3) or one for each reading (n, 3, 3), magnitude
     (n,) or scalar, noise_sd in raw units. Returns r (n,) in raw units and its Jacobian (n, 12),
-    (n, 0) where it was not to `differentiate`.
+    (n, 0) where it was not to `differentiate`, (n, 3) where by the bias only.
     """
     d, u = _correct_by_component(raw, bias, matrix)
     size = np.maximum(np.sqrt(_dot(u, u)), np.finfo(float).tiny)
@@ -135,7 +138,7 @@ def dip_residual(
     noise_sd: float = 0.0,
     share: AttitudeShare = NO_SHARE,
     *,
-    differentiate: bool = True,
+    differentiate: Derivatives = True,
 ) -> tuple[Array, Array]:
     """How far the field of each reading is from the dip it should have, and the Jacobian.
 
@@ -185,7 +188,7 @@ def azimuth_residual(
     dip: tuple[Array, Array | float, Array | float] | None = None,
     share: AttitudeShare = NO_SHARE,
     *,
-    differentiate: bool = True,
+    differentiate: Derivatives = True,
 ) -> tuple[Array, Array]:
     """How far the field of each reading is from the azimuth it should have, and the Jacobian.
 
@@ -258,7 +261,7 @@ def _distance(
     trace: Callable[[], Array],
     noise_sd: float,
     angle: _Angle | None,
-    differentiate: bool,
+    differentiate: Derivatives,
 ) -> tuple[Array, Array]:
     """A condition g(u) = 0 on the field as a distance in raw space, and its Jacobian (n, 12).
 
@@ -279,18 +282,23 @@ def _distance(
     normal = s / gradient
     turned = _apply(matrix, normal)
     across = bent(turned)
+    bent_by = (
+        0.5 * noise_sd**2 * (trace() - 4.0 * _dot(turned, across)) / gradient if noise_sd else 0.0
+    )
+    if not differentiate:
+        return r - bent_by, np.empty((d.shape[1], 0))
     a = e * scale - across * (power * r / gradient)
     if angle is not None:
         a += angle.gradient * r
+    if differentiate == "bias":
+        return r - bent_by, -_apply(back, a).T
     jacobian = np.empty((12, d.shape[1]))
     np.negative(_apply(back, a), out=jacobian[:3])
     tilt = e * (power * r / gradient)
     entries = jacobian[3:].reshape(3, 3, -1)
     np.multiply(a[:, None], d[None], out=entries)
     entries -= tilt[:, None] * normal[None]
-    if noise_sd:
-        r = r - noise_sd**2 * 0.5 * (trace() - 4.0 * _dot(turned, across)) / gradient
-    return r, jacobian.T
+    return r - bent_by, jacobian.T
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -21,6 +21,7 @@ from agonic.maths.equation.affine import (
     NO_SHARE,
     SYMMETRIC,
     AttitudeShare,
+    Derivatives,
     azimuth_residual,
     dip_residual,
     expand_covariates,
@@ -196,14 +197,26 @@ def pieces(
     return blocks
 
 
-def compute_residuals(problem: Problem, channel: str, params: Array) -> Array:
+def compute_residuals(
+    problem: Problem, channel: str, params: Array, noise_sd: float = 0.0
+) -> Array:
     """The residuals of one channel at given parameters, (n,)."""
+    parts = _parts(problem, channel)
+    none = (noise_sd, NO_SHARE)
+    found = [_residual(part, channel, params, none, differentiate=False)[0] for part in parts]
+    return np.concatenate(found) if len(found) > 1 else found[0]
+
+
+def compute_gradients(problem: Problem, channel: str, params: Array) -> tuple[Array, Array]:
+    """The residuals (n,) of one channel, and their derivatives by the bias (n, 3)."""
     none = (0.0, NO_SHARE)
-    return np.concatenate(
-        [
-            _residual(part, channel, params, none, differentiate=False)[0]
-            for part in _parts(problem, channel)
-        ]
+    found = [
+        _residual(part, channel, params, none, differentiate="bias")
+        for part in _parts(problem, channel)
+    ]
+    return (
+        np.concatenate([residuals for residuals, _ in found]),
+        np.concatenate([jacobian[:, :3] for _, jacobian in found]),
     )
 
 
@@ -242,8 +255,10 @@ def compute_distances(
     for start in range(0, len(raw), _ROWS):
         rows = slice(start, start + _ROWS)
         f = magnitude if len(magnitude) == 1 else magnitude[rows]
-        residuals[rows], jacobian = magnitude_residual(raw[rows], bias, matrix, f)
-        np.negative(jacobian[:, :3], out=normals[rows])
+        residuals[rows], jacobian = magnitude_residual(
+            raw[rows], bias, matrix, f, differentiate="bias"
+        )
+        np.negative(jacobian, out=normals[rows])
     return residuals, normals
 
 
@@ -253,12 +268,14 @@ def _residual(
     params: Array,
     noise: tuple[float, AttitudeShare],
     *,
-    differentiate: bool = True,
+    differentiate: Derivatives = True,
 ) -> tuple[Array, Array]:
     """Those of one channel in one block of rows, and where asked for the Jacobian."""
     noise_sd, share = noise
     bias, matrix = split(part.basis @ params[: part.basis.shape[1]])
-    raw, unknowns = part.points - field_of_terms(part, params), _unknowns(part, params)
+    raw, unknowns = part.points, _unknowns(part, params)
+    if part.terms is not None:
+        raw = raw - field_of_terms(part, params)
     if channel == "magnitude":
         return magnitude_residual(
             raw, bias, matrix, part.magnitude, noise_sd, differentiate=differentiate

@@ -107,7 +107,7 @@ def shared_dip_residual(
         vertical,
         noise_sd,
         share,
-        differentiate=differentiate,
+        differentiate=bool(differentiate),
     )
     if not differentiate:
         return r, jacobian

@@ -74,25 +74,27 @@ def accumulate(
 ) -> Normal:
     """One pass over the pieces: cost, gradient and information, and the sums of the loss."""
     m = len(params)
-    cost, weight, curvature, scatter, count = 0.0, 0.0, 0.0, 0.0, 0
+    sums, count = np.zeros(4), 0  # Σ ρ, Σ w, Σ ρ'', Σ ρ'²
     gradient, information, kept = np.zeros(m), np.zeros((m, m)), [np.empty(0)]
     for residuals, jacobian, *onto in pieces(params):
-        z = residuals / scale
-        q = z * z
-        w = loss.weight(q)
-        weighted = jacobian.T * w
-        slope, square = weighted @ z, weighted @ jacobian
+        z, n = residuals / scale, len(residuals)
+        q, side = z * z, jacobian.T
+        if loss is squares():  # all weights are one
+            sums += (total := float(q.sum())) / 2, n, n, total
+        else:
+            w = loss.weight(q)
+            sums += loss.value(q).sum(), w.sum(), loss.curvature(q).sum(), w * w @ q
+            root = np.sqrt(w)
+            z, side = z * root, side * root
+        slope, square = side @ z, side @ side.T  # of a matrix by itself BLAS does one half
         for by in onto:
             slope, square = slope @ by, by.T @ square @ by
         gradient += slope
         information += square
-        cost += float(loss.value(q).sum())
-        weight += float(w.sum())
-        curvature += float(loss.curvature(q).sum())
-        scatter += float(w * w @ q)
-        count += len(residuals)
+        count += n
         if keep:
             kept.append(residuals)
+    cost, weight, curvature, scatter = sums.tolist()
     return Normal(
         cost,
         gradient / scale,

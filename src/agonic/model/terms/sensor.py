@@ -3,12 +3,14 @@ direction of whatever cause: spherical harmonics along the field."""
 
 from __future__ import annotations
 
-from math import factorial, prod
+from functools import lru_cache
+from math import factorial
 
 import numpy as np
+from numpy.polynomial import Legendre, Polynomial
 from numpy.polynomial.legendre import legvander
 
-from agonic.arrays import Array
+from agonic.arrays import Array, Index
 from agonic.maths.one_pass import find_length
 from agonic.model.term import Errors, Seen, Term, along_time
 
@@ -22,30 +24,30 @@ FEW_DEGREES, FEW_ROWS = 4, 150
 def harmonics(unit: Array, last: int) -> Array:
     """Real spherical harmonics (k, n) of the degrees, of rms ℓ^−1.5 over the sphere.
 
-    Of the order m they are the real and imaginary part of (x + iy)^m times a polynomial of z, by
-    (ℓ − m) P_ℓ = (2ℓ − 1) z P_ℓ₋₁ − (ℓ + m − 1) P_ℓ₋₂ from P_m = (2m − 1)!!.
+    Of the order m they are the real and imaginary part of (x + iy)^m times the m-th derivative of
+    the Legendre polynomial P_ℓ(z).
     """
+    orders, by_power = _list_harmonics(last)
     z, turned = unit[:, 2], unit[:, 0] + 1j * unit[:, 1]
-    columns, around = [], np.ones(len(unit), dtype=complex)
+    around = np.cumprod(np.vstack([np.ones(len(z)), np.tile(turned, (last, 1))]), axis=0)
+    parts = np.vstack([around.real, around.imag])
+    return np.asarray((by_power @ np.vander(z, last + 1, increasing=True).T) * parts[orders])
+
+
+@lru_cache(maxsize=4)
+def _list_harmonics(last: int) -> tuple[Index, Array]:
+    """The order (k,) of each harmonic, beyond the last of its imaginary part, and what it has of
+    each power of z, (k, last + 1)."""
+    orders, rows = [], []
     for m in range(last + 1):
-        before, now = np.zeros(len(z)), np.full(len(z), float(prod(range(1, 2 * m, 2))))
-        for degree in range(m, last + 1):
-            if degree > m:
-                rise = (2 * degree - 1) * z * now - (degree + m - 1) * before
-                before, now = now, rise / (degree - m)
-            if degree >= DEGREES[0]:
-                ratio = factorial(degree - m) / factorial(degree + m) * (1 if m == 0 else 2)
-                size = np.sqrt((2 * degree + 1) * ratio) / degree**1.5 * now
-                columns += (
-                    [size * around.real]
-                    if m == 0
-                    else [
-                        size * around.real,
-                        size * around.imag,
-                    ]
-                )
-        around = around * turned
-    return np.stack(columns)
+        for degree in range(max(m, DEGREES[0]), last + 1):
+            ratio = factorial(degree - m) / factorial(degree + m) * (1 if m == 0 else 2)
+            powers = Legendre.basis(degree).deriv(m).convert(kind=Polynomial).coef
+            row = np.sqrt((2 * degree + 1) * ratio) / degree**1.5 * powers
+            for order in (m, m + last + 1) if m else (m,):
+                orders.append(order)
+                rows.append(np.append(row, np.zeros(last + 1 - len(row))))
+    return np.array(orders), np.array(rows)
 
 
 def by_direction(seen: Seen) -> Errors:
