@@ -107,13 +107,7 @@ def bring_forward(samples: Samples, late_s: float) -> tuple[Samples, Mask]:
     """The samples beside the attitude of their own moments, where that was recorded `late_s` later;
     and the rows (n,) of whose moment no attitude was recorded (ends, gaps). Nothing is recorded
     before it was measured: readings that seem early beside the attitude show that the attitude, the
-    accelerometer or the gyro is late.
-
-    >>> s = Samples(time=[0, 1, 2], field=np.eye(3), roll_deg=[0, 2, 8], pitch_deg=[0, 0, 0])
-    >>> forward, unknown = bring_forward(s, 0.5)
-    >>> forward.roll_deg.round(9).tolist(), unknown.tolist()
-    ([1.0, 5.0, 8.0], [False, False, True])
-    """
+    accelerometer or the gyro is late."""
     time = samples.time
     if time is None:
         raise AgonicError("a latency needs the times of the readings; this log has none")

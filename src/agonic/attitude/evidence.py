@@ -289,12 +289,7 @@ def find_headings_seen(field: Array, down: Array) -> HeadingsSeen:
 
 
 def describe_turns(field: Array, down: Array) -> str:
-    """The headings and the tilt that a vehicle would have to add.
-
-    >>> level = np.tile([0.0, 0.0, 1.0], (2, 1))
-    >>> describe_turns(np.array([[1.0, 0.0, 2.0], [0.0, -1.0, 2.0]]), level)
-    'turn through all headings (seen: 0° to 105°), and bank and pitch by 20° or more on the way'
-    """
+    """The headings and the tilt that a vehicle would have to add."""
     seen = find_headings_seen(field, down)
     said = []
     if seen.gap_deg > WIDEST_GAP_DEG:

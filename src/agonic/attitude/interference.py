@@ -51,13 +51,7 @@ def find_placement(
 
 
 def judge_placement(first: Array, second: Array, magnitude: float) -> Finding:
-    """The finding for what the current adds at the two places, nT, in a field of `magnitude`.
-
-    >>> judge_placement(np.array([3000.0, 0, 0]), np.array([-3000.0, 0, 0]), 5e4).what
-    'the current moves the two sensors by 3000 nT and 3000 nT, opposite ways: their mean cancels it'
-    >>> judge_placement(np.array([3000.0, 0, 0]), np.array([2800.0, 0, 0]), 5e4).severity
-    'check'
-    """
+    """The finding for what the current adds at the two places, nT, in a field of `magnitude`."""
     sizes = [float(np.linalg.norm(v)) for v in (first, second)]
     apart = float(np.linalg.norm(second - first))
     words = f"the current moves the two sensors by {figure(sizes[0])} nT and {figure(sizes[1])} nT"

@@ -54,12 +54,7 @@ def open_ellipsoid_parts(
     """What gives the calibration by some of the rows (n,), as `fit_ellipsoid_alone` of them does.
 
     The minimum is sought from that of all rows, with their noise; where a part has another, or a
-    model is still to be chosen, it is fitted by itself.
-
-    >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(40, 3)))
-    >>> open_ellipsoid_parts(turned, model="sphere")(np.arange(40) < 30).model
-    'sphere'
-    """
+    model is still to be chosen, it is fitted by itself."""
     chosen = Settings(**settings)
     model = chosen.model
 
@@ -228,12 +223,7 @@ def fit_ellipsoid_alone(
 ) -> Affine:
     """The calibration of `fit_ellipsoid` without its evidence, of which parts of a log make no use.
 
-    The minimum is sought from `near` only, where that is given.
-
-    >>> turned = Samples(field=50_000 * np.random.default_rng(0).normal(size=(20, 3)))
-    >>> fit_ellipsoid_alone(turned, model="sphere").model
-    'sphere'
-    """
+    The minimum is sought from `near` only, where that is given."""
     chosen = Settings(**settings)
     solved = _solve(samples, reference, chosen, near)
     return _make_affine(solved.posed, solved.found, samples, reference, chosen)

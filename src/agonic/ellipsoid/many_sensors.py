@@ -110,17 +110,7 @@ def fit_many(
 
     Returns `Fits`. Raises `AgonicError` for a reference that is not constant.
 
-    Source: adjusted least squares (Markovsky, Kukush & Van Huffel 2004).
-
-    Examples
-    --------
-    >>> u = np.random.default_rng(0).normal(size=(500, 3))
-    >>> field = 50_000 * u / np.linalg.norm(u, axis=1, keepdims=True)
-    >>> many = [Moments.of(field + [100.0 * k, 0, 0]) for k in range(3)]
-    >>> sums, centre, scale = zip(*((m.sums, m.centre, m.scale) for m in many))
-    >>> fit_many(sums, centre, scale, Reference.constant(50_000)).bias[:, 0].round(3) + 0.0
-    array([  0., 100., 200.])
-    """
+    Source: adjusted least squares (Markovsky, Kukush & Van Huffel 2004)."""
     check_choice("model", model, get_args(Model))
     check_choice("gauge", gauge, get_args(Gauge))
     if reference is not None and len(reference.values) > 1:

@@ -38,19 +38,7 @@ def predict_heading_sd(
     """The standard error, degrees, of a level heading by a fit that has a drive's readings too. The
     readings that the drive would give by the present fit, with the noise and the errors of the unit
     that it found, are fitted together with those of the past. So the prediction knows all that the
-    fit itself knows of its errors.
-
-    >>> from agonic.simulation import simulate, with_inertial_unit
-    >>> made = simulate("circle", tilt_deg=2.0, n=600, rate_Hz=10.0)
-    >>> past, place = with_inertial_unit()(made.samples), Reference.vector(made.field_n, frame="n")
-    >>> around = np.linspace(0.0, 360.0, 100)
-    >>> slope = np.radians(around)
-    >>> drive = Drive(around, 10 * np.cos(slope), 10 * np.sin(slope))
-    >>> fit = fit_inertial(past, place)
-    >>> after = predict_heading_sd(fit, past, place, drive, np.array([0.0, 0.0, 1.0]))
-    >>> after < compute_own_heading_sd(fit)
-    True
-    """
+    fit itself knows of its errors."""
     joined = _join(past, _simulate(fit, past, reference, drive, down))
     try:
         return compute_own_heading_sd(fit_inertial(joined, reference))

@@ -145,12 +145,7 @@ def orient(problem: Problem, samples: Samples, felt: Inertial, params: Array) ->
 
 
 def number_stretches(time: Array, part: Index, stretch_s: float) -> Index:
-    """The number of each row's stretch: parts without a pause, cut evenly.
-
-    >>> minutes = number_stretches(np.arange(120.0), np.zeros(120, dtype=int), 60.0)
-    >>> minutes[[0, 59, 60, 119]].tolist()
-    [0, 0, 1, 1]
-    """
+    """The number of each row's stretch: parts without a pause, cut evenly."""
     numbers, count = np.empty(len(time), dtype=np.intp), 0
     for one in np.unique(part):
         rows = np.flatnonzero(part == one)

@@ -35,8 +35,8 @@ SLOW_M_S = 0.2
 CLEARLY = 10.0
 """A speed is taken to be there where it makes the readings e^10 times as probable."""
 _ROUNDS = 4
-_ENOUGH = 1500  # rows to start with
-_FEW = 500  # rows to tell the hemisphere
+_START_ROWS = 1500  # rows to start with
+_HEMISPHERE_ROWS = 500  # rows to tell the hemisphere
 FOUND = "found beside accelerometer and gyro"
 """The source of a field whose dip is not that of a place."""
 _DIPS = np.radians([65.0, -65.0, 20.0, -20.0])
@@ -85,7 +85,7 @@ def find_field(
     right one. Only that is refined, by some thousand rows."""
     felt = estimate_attitude(samples)
     rows = np.flatnonzero(felt.known)
-    rows = rows[:: max(1, len(rows) // _ENOUGH)]
+    rows = rows[:: max(1, len(rows) // _START_ROWS)]
     some, felt = samples.select(rows), felt.subset(rows)
     settings = replace(settings, speed_sd_m_s=SLOW_M_S)
     none = np.zeros(len(standard_deviations(felt, settings)))
@@ -100,7 +100,7 @@ def find_field(
     tried: list[tuple[float, float, Array]] = []
     for dip in _DIPS:
         usable, problem, _ = pose_at(dip)
-        found = estimate_usable(problem, thin_out(usable, _FEW), settings)
+        found = estimate_usable(problem, thin_out(usable, _HEMISPHERE_ROWS), settings)
         params = found.solution.params
         noise = sum(float(np.log(one.sd)) for one in found.noise.values())
         likely = abs(_find_dip(dip, params)) < np.pi / 2
@@ -211,7 +211,7 @@ def _solve_with(
     return Solved(found, problem, scale, tilted, reference, usable, felt, sds, settings)
 
 
-def thin_out(usable: Mask, most: int = _ENOUGH) -> Mask:
+def thin_out(usable: Mask, most: int = _START_ROWS) -> Mask:
     """Some thousand of the rows that are usable."""
     rows = np.flatnonzero(usable)
     some = np.zeros(len(usable), dtype=bool)

@@ -35,9 +35,9 @@ from agonic.samples import Samples
 
 ALIKE = 0.99
 """Correlation beyond which two columns cannot be told apart."""
-MOST = 3
+MAX_SETS = 3
 """Sets of sources that are added, one after the other."""
-LIKELY = 2
+SETS_TIMED = 2
 """Sets that are tried once more with time constants, where none is surely better as it is."""
 POWER = 1.5
 """Of the duty of a motor, for its current: thrust goes with its square, power with its cube."""
@@ -80,7 +80,7 @@ def choose_sources(samples: Samples, reference: Reference, settings: Settings) -
     trials: list[Trial] = []
     shapes: list[Shape] = []
     alike: list[tuple[str, ...]] = []
-    for _ in range(MOST):
+    for _ in range(MAX_SETS):
         left = [one for one in candidates if {*list_columns(one)}.isdisjoint(list_columns(chosen))]
         told = [one for one in left if _is_alike(log.samples, one, chosen)]
         alike += [one for one in told if one not in alike]
@@ -119,7 +119,7 @@ def _compare(
         return tried
     if log.samples.time is None:
         return tried
-    likely = np.argsort(-weighed.odds)[:LIKELY]
+    likely = np.argsort(-weighed.odds)[:SETS_TIMED]
     timings = list_timings(log.samples)
     timed = [(i, respell(candidates[i], *one)) for i in likely for one in timings]
     weighed = weigh_sources(log, chosen, [later for _, later in timed])
@@ -202,9 +202,9 @@ def describe_gain(choice: SourceChoice) -> Finding | None:
     return Finding("disturbers", "note", what)
 
 
-LITTLE = 0.1
+MIN_OWN_SHARE = 0.1
 """Share of a column's changes that must be its own: the standard error grows by 1/√share."""
-ALONG = 0.9
+MIN_ALONG = 0.9
 """Correlation from which a column is named as one that moves along."""
 NOISE_NT = 300.0
 
@@ -252,13 +252,14 @@ def _judge(k: int, sources: list[str], x: Array, turning: Array, noise: float) -
     attitude = _explain(column, turning)
     share = 1.0 - _explain(column, np.hstack([others, turning]))
     correlation = np.atleast_2d(np.corrcoef(x.T))[k]
-    along = tuple(one for j, one in enumerate(sources) if j != k and abs(correlation[j]) > ALONG)
+    beside = zip(sources, np.abs(correlation) > MIN_ALONG, strict=True)
+    along = tuple(one for j, (one, moves) in enumerate(beside) if j != k and moves)
     apart, move = max(share, 1e-6), ""
-    if share < LITTLE and along:
+    if share < MIN_OWN_SHARE and along:
         move = f"switch it by itself: it moves together with {name_sources(along)}"
-    elif share < LITTLE:
+    elif share < MIN_OWN_SHARE:
         move = "change it alone: in this log the others and the attitude together explain it"
-        if attitude > 1.0 - LITTLE:
+        if attitude > 1.0 - MIN_OWN_SHARE:
             move = (
                 "change it while the vehicle keeps its attitude: it only followed the attitude here"
             )

@@ -27,7 +27,7 @@ from agonic.inertial.maths.factors import (
     steady_force,
 )
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import TOLD
+from agonic.maths.equation.maximum_likelihood import MIN_INFORMATION
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.filters.block_tridiagonal import Tridiagonal, invert
 from agonic.maths.estimation.filters.smoother import Sums, eliminate
@@ -149,7 +149,7 @@ def find_length(scores: Array, information: Array) -> float:
     """By how much sums of scores (k, p) over longer times scatter more than white noise would."""
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, axes = np.linalg.eigh(information / np.outer(size, size))
-    known = values > TOLD * values[-1]
+    known = values > MIN_INFORMATION * values[-1]
     white = (scores / size) @ (axes[:, known] / np.sqrt(values[known]))
     return measure_correlation(white, np.eye(int(known.sum())))
 
@@ -287,11 +287,7 @@ def settle_variance(found: float, freedom: float, start: float) -> float:
 
         ν/2 (u + found/θ) + log(1 + (u/s)²) is least,   θ = θ₀ eᵘ,   s = `_DOUBT`.
 
-    Where nothing is expected, θ₀ = 0, it is what was found.
-
-    >>> round(settle_variance(1.0, 100.0, 30.0), 1), round(settle_variance(1.0, 10.0, 1.5), 1)
-    (1.0, 1.5)
-    """
+    Where nothing is expected, θ₀ = 0, it is what was found."""
     if start <= 0.0:
         return found
     cost = freedom / 2 * (_LOGS + found / start * np.exp(-_LOGS)) + np.log1p((_LOGS / _DOUBT) ** 2)

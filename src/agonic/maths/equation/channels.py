@@ -281,22 +281,20 @@ def _residual(
             raw, bias, matrix, part.magnitude, noise_sd, differentiate=differentiate
         )
     assert part.dip is not None
-    down, shared = part.dip.down, part.shared
-    if channel == "dip":
-        if shared is None:
-            return dip_residual(
-                raw, bias, matrix, *part.dip, noise_sd, share, differentiate=differentiate
-            )
+    down, shared, wanted = part.dip.down, part.shared, differentiate
+    if channel == "dip" and shared is None:
+        return dip_residual(raw, bias, matrix, *part.dip, noise_sd, share, differentiate=wanted)
+    at, every = (raw, bias, matrix, down), bool(wanted)
+    if channel == "dip" and shared is not None:
         level = (part.dip.horizontal, part.dip.vertical)
-        return shared_dip_residual(
-            raw, bias, matrix, down, level, shared, unknowns, noise_sd, share
-        )
+        felt = (shared, unknowns, noise_sd, share)
+        return shared_dip_residual(*at, level, *felt, differentiate=every)
     if part.relative is not None:
         assert shared is not None
-        return relative_azimuth_residual(raw, bias, matrix, down, part.relative, shared, unknowns)
+        return relative_azimuth_residual(*at, part.relative, shared, unknowns, differentiate=every)
     assert part.across is not None
     r, jacobian = azimuth_residual(
-        raw, bias, matrix, part.across, part.dip, share, differentiate=differentiate
+        raw, bias, matrix, part.across, part.dip, share, differentiate=wanted
     )
     weight = part.across_weight
     return (r, jacobian) if weight is None else (weight * r, weight[:, None] * jacobian)

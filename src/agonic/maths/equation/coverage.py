@@ -84,12 +84,7 @@ def level_directions(
     """The field's directions (n, 3) in a level vehicle at even headings, and across them (n, 3).
 
     The second is the unit horizontal vector whose component of the error turns the heading; `down`
-    (3,) is where the sensor's axes have down when the vehicle is level.
-
-    >>> up = level_directions(60.0, 4, np.array([0.0, 0.0, -1.0]))[0]
-    >>> up[0].round(3).tolist()
-    [0.5, 0.0, -0.866]
-    """
+    (3,) is where the sensor's axes have down when the vehicle is level."""
     psi = np.linspace(0, 2 * np.pi, headings, endpoint=False)
     dip = np.radians(inclination_deg)
     along = np.stack([np.cos(psi), -np.sin(psi), np.zeros_like(psi)], axis=1)
@@ -100,11 +95,7 @@ def level_directions(
 
 def make_level_axes(down: Array) -> Array:
     """Nose, right and down, a row each (3, 3), of a level vehicle in the axes of a sensor that has
-    down along `down` (3,). The nose is x as far as x is level, else z.
-
-    >>> make_level_axes(np.array([0.0, 0.0, -1.0])).tolist()
-    [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
-    """
+    down along `down` (3,). The nose is x as far as x is level, else z."""
     if (down == DOWN).all():
         return np.eye(3)
     ahead = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < _NEAR_AXIS else DOWN
@@ -116,14 +107,7 @@ def find_level_down(down: Array, *, squarely: bool = False) -> Array:
     """Where the sensor's axes have down when its vehicle is level, (3,), by all its downs (n, 3).
 
     It is z, unless the vehicle keeps near another attitude: then the sensor is mounted otherwise.
-    `squarely` where a lean in between is the vehicle's own: then it is the nearest axis.
-
-    >>> find_level_down(np.array([[0.1, 0.0, -1.0], [-0.1, 0.0, -1.0]])).round(6).tolist()
-    [0.0, 0.0, -1.0]
-    >>> leaning = np.tile([0.6, 0.0, 0.8], (2, 1))
-    >>> find_level_down(leaning).tolist(), find_level_down(leaning, squarely=True).tolist()
-    ([0.6, 0.0, 0.8], [0.0, 0.0, 1.0])
-    """
+    `squarely` where a lean in between is the vehicle's own: then it is the nearest axis."""
     mean = np.asarray(down.mean(axis=0))
     size = float(np.linalg.norm(mean))
     near_z = mean[2] > _LEVEL_AXIS * size
@@ -202,12 +186,7 @@ def measure_thickness(points: Array) -> tuple[float, Array]:
 def measure_arc_deg(points: Array) -> float:
     """The angle, degrees, of the arc on which points (n, 3) in a plane lie; 360 for all the way.
 
-    A chord c and the height s of its arc over it span 4 arctan(2 s/c), up to half a circle.
-
-    >>> angle = np.radians(np.linspace(0, 60, 500))
-    >>> round(measure_arc_deg(np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)))
-    60
-    """
+    A chord c and the height s of its arc over it span 4 arctan(2 s/c), up to half a circle."""
     centred = points - points.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1]
     height, chord = np.ptp(centred @ axes, axis=0)[1:]
@@ -234,11 +213,7 @@ def find_nearest_axis(direction: Array) -> str:
 
 
 def describe_axis(direction: Array) -> str:
-    """The letter of the axis that a direction (3,) is near, or its components where none is.
-
-    >>> describe_axis(np.array([0.1, 0.0, -0.99])), describe_axis(np.array([0.6, 0.0, -0.8]))
-    ('z', '(−0.6, 0, 0.8)')
-    """
+    """The letter of the axis that a direction (3,) is near, or its components where none is."""
     nearest = int(np.argmax(np.abs(direction)))
     unit = direction / np.linalg.norm(direction) * np.sign(direction[nearest])
     if unit[nearest] > _NEAR_AXIS:

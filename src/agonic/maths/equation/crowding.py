@@ -20,11 +20,7 @@ def weigh_crowded(cells: Index) -> Array:
     """Weights (n,) of rows in cells (n,), so that no cell counts for much more than the others.
 
     A cell keeps its rows up to a share of all that counts, 1/32 or twice the mean over the cells.
-    A sensor that lay still for most of a log says much of one direction only.
-
-    >>> weigh_crowded(np.repeat([0, 1, 2, 3], [91, 3, 3, 3])).round(2)[[0, 99]].tolist()
-    [0.1, 1.0]
-    """
+    A sensor that lay still for most of a log says much of one direction only."""
     counts = np.bincount(cells)
     visited = max(int(np.count_nonzero(counts >= min(3, counts.max(initial=1)))), 1)
     share, cap = max(_CELL_SHARE, 2 / visited), float(counts.max(initial=1))
@@ -70,11 +66,7 @@ def looks_like_noise(readings: Array) -> bool:
     """Whether readings (n, 3) jump as far as they range, and pile up in the middle.
 
     Kurtosis is near 3 for noise, where a turning sensor has 1.8; or they flicker between a few
-    levels.
-
-    >>> looks_like_noise(np.random.default_rng(0).normal(size=(500, 3)))
-    True
-    """
+    levels."""
     sd = np.maximum(readings.std(axis=0), 1e-300)
     jumps = np.diff(readings, axis=0).std(axis=0) / (np.sqrt(2) * sd)
     few_levels = max(len(np.unique(column)) for column in readings.T) < 8
@@ -128,11 +120,7 @@ def choose_spread_rows(weights: Array, *, most: int | None = None) -> Index:
 
 
 def choose_evenly(n: int, most: int) -> Index:
-    """So many of n rows, in order, evenly over all of them: the same ones each time.
-
-    >>> choose_evenly(20, 5).tolist()
-    [2, 4, 11, 13, 16]
-    """
+    """So many of n rows, in order, evenly over all of them: the same ones each time."""
     if n <= most:
         return np.arange(n)
     share = most / n
@@ -153,11 +141,7 @@ def choose_by_weight(weights: Array) -> Index:
     """Of rows with weights (n,) from 0 to 1 so many as they add up to, in order, each as often as
     its weight says: the same ones each time.
 
-    Those of small weight are picked, of the others some are left out.
-
-    >>> choose_by_weight(np.array([0.1] * 10 + [1.0] * 4)).tolist()
-    [6, 10, 11, 12, 13]
-    """
+    Those of small weight are picked, of the others some are left out."""
     chosen = weights > 0.5
     more, fewer = np.where(chosen, 0.0, weights), np.where(chosen, 1.0 - weights, 0.0)
     chosen[_pick(fewer)] = False
@@ -184,12 +168,7 @@ def _place(parts: int) -> Array:
 
 
 def count_orientations(points: Array, reach: float, most: int) -> int:
-    """How many of points (n, 3) lie further than `reach` from each other, counted up to `most`.
-
-    >>> poses = np.repeat(np.eye(3), 50, axis=0)
-    >>> count_orientations(poses, 0.1, 12)
-    3
-    """
+    """How many of points (n, 3) lie further than `reach` from each other, counted up to `most`."""
     known: list[Array] = []
     for start in range(0, len(points), _ROWS):
         left = points[start : start + _ROWS]

@@ -32,18 +32,18 @@ from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.batch_means import STRETCHES, measure_correlation
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise, is_like_gaussian
 
-_ENOUGH = 3000  # readings for the search; the refinement uses all
-_MANY = 10_000  # readings that settle noises
-_SAME = 4.0  # variances of each unknown by which the minimum of few readings is off that of all
-_HOPELESS = 1.0  # by which readings are less likely: a start is no nearer to a better minimum
-_MOST = 0.5  # of the readings: fewer than that are no measure of the others
-_NO_NOISE = 0.5  # of the field: what scatters by more is misfit, whose square corrects nothing
-FEW = 0.05
+_SEARCH_ROWS = 3000  # readings for the search; the refinement uses all
+_NOISE_ROWS = 10_000  # readings that settle noises
+_MAX_VARIANCES_APART = 4.0  # of each unknown, the minimum of few readings off that of all
+_MAX_SURPRISE = 1.0  # by which readings are less likely: a start is no nearer to a better minimum
+_MIN_SHARE_KEPT = 0.5  # of the readings: fewer than that are no measure of the others
+_MAX_NOISE = 0.5  # of the field: what scatters by more is misfit, whose square corrects nothing
+MAX_WRONG_SHARE = 0.05
 """Of the readings: so many may be wrong where there is no doubt about a minimum."""
-_LITTLE = 0.01  # noise over the field that leaves no doubt about a fit
-TOLD = 1e-6
+_NEGLIGIBLE = 0.01  # noise over the field that leaves no doubt about a fit
+MIN_INFORMATION = 1e-6
 """Of the information along the best known direction: what less is known of is not told."""
-_DETERMINED = 0.05  # standard error over the field, or over the gain
+_MAX_CLEAR_SD = 0.05  # standard error over the field, or over the gain
 
 
 class Estimate(NamedTuple):
@@ -82,7 +82,7 @@ def find_near(problem: Problem, start: Array, robust: bool) -> Estimate | None:
             near = refine(problem, start, robust)
         except np.linalg.LinAlgError:  # so far off that numbers overflow
             return None
-    agrees = np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < FEW
+    agrees = np.isfinite(near.solution.cost) and np.mean(near.weights == 0.0) < MAX_WRONG_SHARE
     return near if agrees else None
 
 
@@ -91,9 +91,9 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
     n = len(problem.points)
     weights = weigh_places(problem.points)
     spread = choose_spread_rows(weights)
-    rows = choose_spread_rows(weights, most=_ENOUGH)
+    rows = choose_spread_rows(weights, most=_SEARCH_ROWS)
     tried: list[Estimate] = []
-    for chosen in (rows, choose_evenly(n, _ENOUGH)):
+    for chosen in (rows, choose_evenly(n, _SEARCH_ROWS)):
         few, seen = problem, spread
         if len(chosen) < n:
             few = problem.subset(chosen)
@@ -108,7 +108,7 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
         elif not any(_is_same(found, one) for one in tried):
             start = _refine_some(problem, found.solution.params, robust)
             tried.append(refine(problem, start, robust, spread))
-        if agreed or len(rows) == min(n, _ENOUGH):
+        if agreed or len(rows) == min(n, _SEARCH_ROWS):
             break
     return _choose_likeliest(problem, tried)
 
@@ -116,16 +116,16 @@ def _find_minimum(problem: Problem, robust: bool, seed: int) -> Estimate:
 def _refine_some(problem: Problem, params: Array, robust: bool) -> Array:
     """Parameters at the minimum of some of many readings: there noises settle as well as on all."""
     n = len(problem.points)
-    if n < 2 * _MANY:
+    if n < 2 * _NOISE_ROWS:
         return params
-    return refine(problem.subset(choose_evenly(n, _MANY)), params, robust).solution.params
+    return refine(problem.subset(choose_evenly(n, _NOISE_ROWS)), params, robust).solution.params
 
 
 def _is_same(found: Estimate, known: Estimate) -> bool:
     """Whether the minimum of few readings is that which is known of all, as far as few tell."""
     apart = found.solution.params - known.solution.params
     far = float(apart @ leastsq.inverse(found.solution.covariance) @ apart)
-    return far < _SAME * len(apart) or _leads_to(found.solution.params, known)
+    return far < _MAX_VARIANCES_APART * len(apart) or _leads_to(found.solution.params, known)
 
 
 def _choose_likeliest(problem: Problem, tried: Sequence[Estimate]) -> Estimate:
@@ -205,7 +205,7 @@ def _refine_anew(
     alike = [_list_parts(one) for one in known if len(one.weights) == len(problem.points)]
     if alike:
         least_known = min(compute_surprise(problem, *one) for one in alike)
-        if compute_surprise(problem, params, noise, residuals) > least_known + _HOPELESS:
+        if compute_surprise(problem, params, noise, residuals) > least_known + _MAX_SURPRISE:
             return None
     counted = np.ones(len(problem.points), dtype=bool)
     for _ in range(8 if problem.magnitude_only else 12):  # several noises settle more slowly
@@ -228,12 +228,12 @@ def _refine_anew(
         settled = all(noise[channel].settled(assumed[channel]) for channel in channels)
         if problem.magnitude_only:
             of = assumed["magnitude"]
-            sd = min(of.sd, _NO_NOISE) * np.sqrt(of.correlation)
+            sd = min(of.sd, _MAX_NOISE) * np.sqrt(of.correlation)
             fewer = counted & find_corroborated(problem, solution, weights, sd)
             counted = fewer if fewer.any() else counted
         elif settled:
             fewer = counted & ~find_bad_readings(residuals, assumed)
-            counted = fewer if fewer.mean() > _MOST else counted
+            counted = fewer if fewer.mean() > _MIN_SHARE_KEPT else counted
         if settled and np.array_equal(used, counted):
             break
     return Estimate(solution, noise, residuals, weights * used)
@@ -241,7 +241,7 @@ def _refine_anew(
 
 def solve_with_noise(problem: Problem, noise: dict[str, Noise], params: Array) -> leastsq.Solution:
     """The minimum near parameters, where the noise of each channel is known."""
-    sd = min(noise["magnitude"].sd, _NO_NOISE)
+    sd = min(noise["magnitude"].sd, _MAX_NOISE)
     shares = find_attitude_shares(problem, noise, params)
     return leastsq.solve_together(
         [
@@ -279,8 +279,8 @@ def find_attitude_shares(
     if problem.across is not None:
         both = exceed("azimuth")
         below = float(np.mean(problem.dip.vertical**2)) / float(np.mean(problem.magnitude**2))
-        ratio = min(noise["dip"].sd / noise["azimuth"].sd, 1.0 / _LITTLE) ** 2
-        whole = min(tilt * ratio, both / max(below, _LITTLE))
+        ratio = min(noise["dip"].sd / noise["azimuth"].sd, 1.0 / _NEGLIGIBLE) ** 2
+        whole = min(tilt * ratio, both / max(below, _NEGLIGIBLE))
         shares["azimuth"] = AttitudeShare(whole, both - whole, gain)
     return shares
 
@@ -299,7 +299,7 @@ def _correlate(part: Problem, noise: dict[str, Noise], params: Array) -> dict[st
         scores = jacobian * (of.loss.weight(z * z) * z)[:, None]
         scores = scores / np.sqrt(np.maximum((scores**2).sum(axis=0), 1e-300))
         values, axes = np.linalg.eigh(scores.T @ scores)
-        known = values > TOLD * values[-1]
+        known = values > MIN_INFORMATION * values[-1]
         white = scores @ (axes[:, known] / np.sqrt(values[known]))
         blocks = np.arange(0, len(white), -(-len(white) // STRETCHES))
         sums = np.add.reduceat(white, blocks, axis=0)
@@ -316,10 +316,10 @@ def _agrees(problem: Problem, found: Estimate) -> bool:
     must be little beside the field, so that no second surface can hide in the noise.
     """
     sd, count = found.noise["magnitude"].sd, len(found.solution.params)
-    determined = np.diag(found.solution.covariance).max() < _DETERMINED**2
+    determined = np.diag(found.solution.covariance).max() < _MAX_CLEAR_SD**2
     return bool(
         found.weights.min() == 1.0
-        and sd < _LITTLE
+        and sd < _NEGLIGIBLE
         and (determined or not problem.magnitude_only)
         and is_like_gaussian(found.residuals["magnitude"], sd, count)
     )

@@ -34,11 +34,7 @@ class Shape(NamedTuple):
 
     @property
     def widths(self) -> tuple[int, ...]:
-        """Inputs, nodes of each hidden layer, outputs.
-
-        >>> Shape(3, (5, 4), 1).widths
-        (3, 5, 4, 1)
-        """
+        """Inputs, nodes of each hidden layer, outputs."""
         hidden = (self.hidden,) if isinstance(self.hidden, int) else self.hidden
         return (self.inputs, *hidden, self.outputs)
 

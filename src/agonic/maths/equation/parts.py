@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.arrays import Index
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import FEW, Estimate, solve_with_noise
+from agonic.maths.equation.maximum_likelihood import MAX_WRONG_SHARE, Estimate, solve_with_noise
 
 _NEVER = 1e-9  # of its standard deviation: a term that changes by less in a part is still there
 
@@ -22,7 +22,7 @@ def estimate_part(problem: Problem, whole: Estimate, rows: Index) -> Estimate | 
     unknowns.
     """
     weights = whole.weights[rows]
-    if len(rows) < len(whole.solution.params) or np.mean(weights == 0.0) > FEW:
+    if len(rows) < len(whole.solution.params) or np.mean(weights == 0.0) > MAX_WRONG_SHARE:
         return None
     part = problem.subset(rows[weights > 0.0])
     if part.terms is not None and (np.ptp(part.terms, axis=0) < _NEVER).any():

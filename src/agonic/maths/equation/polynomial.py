@@ -81,12 +81,7 @@ def fit_polynomial(x: Array, values: Array, sd: Array, degree: int) -> Polynomia
     """The weighted polynomial through values (n,) with standard errors sd (n,).
 
     The covariance is that of the stated errors. `variance` is Σ (residual/sd)² / (n − p), one where
-    the polynomial and the errors hold, NaN where nothing is left to judge by.
-
-    >>> x = np.linspace(-1, 1, 9)
-    >>> fit_polynomial(x, 3 + x - 2 * x**2, np.full(9, 0.1), 2).coefficients.round(9).tolist()
-    [3.0, 1.0, -2.0]
-    """
+    the polynomial and the errors hold, NaN where nothing is left to judge by."""
     rows = powers(x, degree) / sd[:, None]
     covariance = inverse(rows.T @ rows)
     coefficients = covariance @ (rows.T @ (values / sd))

@@ -16,11 +16,11 @@ from agonic.maths.estimation.loss import cauchy, squares
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
-_HARDLY = 100.0  # the condition of what a start is found from at once
-_DOUBTFUL = 0.1  # of the field, by which its vertical part is off: tilts that are wrong by 6°
+_MAX_CONDITION = 100.0  # the condition of what a start is found from at once
+_MAX_VERTICAL_ERROR = 0.1  # of the field: tilts that are wrong by 6°
 _STEPS = (0.01, 0.03, 0.1)  # of the prior on soft iron, loosened
 _STEPS_BY_MAGNITUDE = (0.02, 0.05, 0.1)
-_ENOUGH = 1000  # readings that lead to where all of them have their minimum
+_RELAX_ROWS = 1000  # readings that lead to where all of them have their minimum
 
 
 def fit_at_once(few: Problem, robust: bool) -> Array | None:
@@ -50,7 +50,7 @@ def _fit_field(few: Problem, dip: Dip) -> tuple[Array, Array, Array] | None:
     level = np.cross(few.across, dip.down)
     field = dip.horizontal[:, None] * level + dip.vertical[:, None] * dip.down
     found = _solve_linear(np.column_stack([field, np.ones(len(field)), _terms(few)]), few.points)
-    if found is None or np.linalg.cond(found[:3]) > _HARDLY:
+    if found is None or np.linalg.cond(found[:3]) > _MAX_CONDITION:
         return None
     return found[3], np.asarray(np.linalg.inv(found[:3].T)), found[4:].T
 
@@ -65,10 +65,10 @@ def _fit_vertical(few: Problem, dip: Dip) -> tuple[Array, Array, Array] | None:
     by_entry = np.einsum("ni,nj->nij", dip.down, given).reshape(len(given), -1)
     vertical = np.broadcast_to(dip.vertical, len(given))
     found = _solve_linear(by_entry, vertical)
-    if found is None or np.std(by_entry @ found - vertical) > _DOUBTFUL:
+    if found is None or np.std(by_entry @ found - vertical) > _MAX_VERTICAL_ERROR:
         return None
     matrix, others = np.split(found.reshape(3, -1), [3], axis=1)
-    if np.linalg.eigvalsh(matrix + matrix.T)[0] <= 0.0 or np.linalg.cond(matrix) > _HARDLY:
+    if np.linalg.eigvalsh(matrix + matrix.T)[0] <= 0.0 or np.linalg.cond(matrix) > _MAX_CONDITION:
         return None
     own = np.asarray(np.linalg.solve(matrix, others), dtype=np.float64)
     return own[:, 0], matrix, own[:, 1:]
@@ -77,7 +77,7 @@ def _fit_vertical(few: Problem, dip: Dip) -> tuple[Array, Array, Array] | None:
 def _solve_linear(given: Array, wanted: Array) -> Array | None:
     """Least squares; None where rows hardly tell the unknowns."""
     found, _, _, told = np.linalg.lstsq(given, wanted, rcond=None)
-    return np.asarray(found, dtype=np.float64) if told[0] <= _HARDLY * told[-1] else None
+    return np.asarray(found, dtype=np.float64) if told[0] <= _MAX_CONDITION * told[-1] else None
 
 
 def _terms(few: Problem) -> Array:
@@ -140,8 +140,8 @@ def _middle(few: Problem) -> Array:
 
 def _relax(few: Problem, params: Array, steps: tuple[float, ...], robust: bool) -> Array:
     """From a start to the minimum with the prior on soft iron loosened step by step."""
-    if len(few.points) > _ENOUGH:
-        few = few.subset(choose_evenly(len(few.points), _ENOUGH))
+    if len(few.points) > _RELAX_ROWS:
+        few = few.subset(choose_evenly(len(few.points), _RELAX_ROWS))
     loss = cauchy() if robust else squares()
     final = few.soft_iron_sd or np.inf
     tighter = [sd for sd in steps if sd < final]

@@ -12,20 +12,12 @@ ROWS, COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 
 
 def pack_symmetric(matrix: Array) -> Array:
-    """xx yy zz xy xz yz (…, 6) of matrices (…, 3, 3), from their upper triangle.
-
-    >>> pack_symmetric(np.arange(9.0).reshape(3, 3)).tolist()
-    [0.0, 4.0, 8.0, 1.0, 2.0, 5.0]
-    """
+    """xx yy zz xy xz yz (…, 6) of matrices (…, 3, 3), from their upper triangle."""
     return np.asarray(matrix[..., ROWS, COLUMNS])
 
 
 def unpack_symmetric(six: ArrayLike) -> Array:
-    """The symmetric matrices (…, 3, 3) of xx yy zz xy xz yz (…, 6).
-
-    >>> unpack_symmetric([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).tolist()
-    [[1.0, 4.0, 5.0], [4.0, 2.0, 6.0], [5.0, 6.0, 3.0]]
-    """
+    """The symmetric matrices (…, 3, 3) of xx yy zz xy xz yz (…, 6)."""
     values = np.asarray(six, dtype=np.float64)
     matrix = np.empty((*values.shape[:-1], 3, 3))
     matrix[..., ROWS, COLUMNS] = values

@@ -28,11 +28,7 @@ def build_covariates(
 
 @lru_cache(maxsize=32)
 def build_layout(degree: int, gauge: str = SYMMETRIC, rate: bool = False) -> Array:
-    """The map from coefficients to the twelve local numbers times φ, (12·q, a).
-
-    >>> build_layout(3).shape, build_layout(1, rate=True).shape, build_layout(1, "free").shape
-    ((48, 36), (36, 21), (24, 24))
-    """
+    """The map from coefficients to the twelve local numbers times φ, (12·q, a)."""
     q, p = degree + 1 + rate, degree + 1
     basis = model_basis("full", gauge)
     parts = [np.kron(basis, np.eye(q)[:, :p])]

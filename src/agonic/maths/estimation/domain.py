@@ -45,11 +45,7 @@ def compute_distances(points: Array, centres: Array) -> Array:
 
 
 def taper(distance: Array, reach: float) -> Array:
-    """1 up to `reach`, 0 from twice that, smooth between: 1 − s²(3 − 2s), s = distance/reach − 1.
-
-    >>> taper(np.array([0.5, 1.5, 2.5]), 1.0).tolist()
-    [1.0, 0.5, 0.0]
-    """
+    """1 up to `reach`, 0 from twice that, between them 1 − s²(3 − 2s), s = distance/reach − 1."""
     s = np.clip(distance / reach - 1.0, 0.0, 1.0)
     return np.asarray(1.0 - s**2 * (3.0 - 2.0 * s))
 
@@ -60,14 +56,7 @@ def estimate_neighbour_covariance(
     """Mean product of values (n, o) with those of the nearest other points (n, i), and its error.
 
     Noise differs from a point to the next and leaves nothing; what a model missed does not, and
-    leaves its mean square. Both are of one component.
-
-    >>> x = np.linspace(0.0, 1.0, 500)[:, None]
-    >>> noise = np.random.default_rng(0).normal(size=(500, 1))
-    >>> found, error = estimate_neighbour_covariance(np.sin(6.28 * x) + noise, x)
-    >>> 0.35 < found < 0.65, found > 5 * error
-    (True, True)
-    """
+    leaves its mean square. Both are of one component."""
     from scipy.spatial import cKDTree  # slow to load
 
     k = min(neighbours, len(points) - 1)

@@ -82,12 +82,7 @@ def _scale(left: Array, field: Array) -> Array:
 def find_heating(temperature: Array) -> Mask:
     """Rows (n,) recorded while the temperature rose, or stayed where it had risen to.
 
-    It has turned once it goes back by a tenth of the range; the turn is at the extreme before.
-
-    >>> t = np.concatenate([np.linspace(50, -10, 400), np.linspace(-10, 50, 400)])
-    >>> int(np.argmax(find_heating(t))), bool(find_heating(t)[-1])
-    (399, True)
-    """
+    It has turned once it goes back by a tenth of the range; the turn is at the extreme before."""
     block = min(BLOCK, max(len(temperature) // 20, 1))
     smooth = compute_running_mean(temperature[:, None], block)[:, 0]
     turn = max(_TURN * float(np.ptp(smooth)), _TURN_C)
@@ -121,12 +116,7 @@ def _legs(smooth: Array, turn: float) -> list[tuple[int, bool]]:
 
 
 def compute_rates(time: Array, temperature: Array, span_s: float = _SPAN_S) -> Array:
-    """dT/dt (n,), °C/s, taken over about `span_s`, longer where that holds few rows.
-
-    >>> t = np.arange(0.0, 1000.0)
-    >>> compute_rates(t, 20 - 0.01 * t).round(6)[[0, 500, -1]].tolist()
-    [-0.01, -0.01, -0.01]
-    """
+    """dT/dt (n,), °C/s, taken over about `span_s`, longer where that holds few rows."""
     n = len(time)
     pace = median(np.diff(time)) if n > 1 else 1.0
     rows, most = (round(span / max(pace, 1e-9)) for span in (span_s, max(span_s, _LONGEST_S)))

@@ -83,16 +83,7 @@ def follow_magnitude(magnitude: Array, time: Array | None) -> Course:
     allow; their mean where nothing but noise is seen of a course.
 
     Noise that stays in them is in the columns of terms and in what terms explain: gain, offset and
-    saturation differ by the course alone, and would fit it.
-
-    >>> t = np.arange(900.0)
-    >>> noise = 0.1 * np.random.default_rng(0).normal(size=900)
-    >>> course = follow_magnitude(48_000 + 20 * np.sin(t / 100) + noise, t)
-    >>> round(course.noise, 2), bool(np.abs(course.rate - 0.2 * np.cos(t / 100)).max() < 0.02)
-    (0.1, True)
-    >>> float(np.ptp(follow_magnitude(48_000 + noise, t).values))
-    0.0
-    """
+    saturation differ by the course alone, and would fit it."""
     t = np.arange(float(len(magnitude))) if time is None else time
     steps = np.diff(t)
     gaps = np.flatnonzero(steps > _GAP * median(steps)) + 1

@@ -50,13 +50,7 @@ def advance(
 ) -> Step:
     """The sums after residuals (n, o) over their standard deviation, up to the first alarm.
 
-    Parameters: `drift` k, `alarm` h, `correlation` L. An alarm of 0 is never raised.
-
-    >>> quiet, shifted = np.zeros((20, 1)), np.full((20, 1), 3.0)
-    >>> seen = advance(start_sums(1), np.concatenate([quiet, shifted]), drift=1.0, alarm=10.0)
-    >>> seen.alarmed, seen.rows, seen.age  # 2 a row from row 20 on; the sixth is above 10
-    (True, 26, 6)
-    """
+    Parameters: `drift` k, `alarm` h, `correlation` L. An alarm of 0 is never raised."""
     n = len(residuals)
     clipped = np.clip(residuals, -CLIPPED, CLIPPED)
     steps = (np.stack([clipped, -clipped]) - drift) / correlation

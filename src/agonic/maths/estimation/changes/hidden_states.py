@@ -18,12 +18,7 @@ def find_path(cost: Array, price: float) -> NDArray[np.int8]:
     Sums over blocks of rows, from each state before to each state behind, are made for all blocks
     at once; least sums through all of them then say where each block begins.
 
-    Parameters: `cost` (k, n), minus the logarithm of the likelihood of row i in state s.
-
-    >>> cost = np.repeat([[0.0, 1.0, 0.0], [1.0, 0.0, 1.0]], [5, 9, 1], axis=1)
-    >>> find_path(cost, 3.0).tolist()
-    [0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]
-    """
+    Parameters: `cost` (k, n), minus the logarithm of the likelihood of row i in state s."""
     k, n = cost.shape
     length = isqrt(n) + 1
     count = -(-n // length)

@@ -35,11 +35,7 @@ def solve(matrix: Tridiagonal, right: Array) -> tuple[Array, float]:
 
 
 def stack_band(matrix: Tridiagonal) -> Array:
-    """The lower band of H, [i − j, j], as LAPACK and SciPy take it.
-
-    >>> stack_band(Tridiagonal(np.full((2, 1, 1), 2.0), -np.ones((1, 1, 1)))).tolist()
-    [[2.0, 2.0], [-1.0, 0.0]]
-    """
+    """The lower band of H, [i − j, j], as LAPACK and SciPy take it."""
     count, size, _ = matrix.diagonal.shape
     band = np.zeros((2 * size, count, size))
     for row in range(size):
@@ -54,12 +50,7 @@ def invert(matrix: Tridiagonal) -> Tridiagonal:
     """The same blocks of H⁻¹, by cyclic reduction.
 
     Every second state is eliminated at once, what is left is tridiagonal again; its blocks of the
-    inverse give those of the states between (Heller 1976; Takahashi's equations).
-
-    >>> one = Tridiagonal(np.tile(2 * np.eye(1), (3, 1, 1)), np.tile(-np.eye(1), (2, 1, 1)))
-    >>> invert(one).diagonal.ravel().round(9).tolist(), invert(one).below.ravel().round(9).tolist()
-    ([0.75, 1.0, 0.75], [0.5, 0.5])
-    """
+    inverse give those of the states between (Heller 1976; Takahashi's equations)."""
     count = len(matrix.diagonal)
     own: Array = np.asarray(np.linalg.inv(matrix.diagonal[::2]), dtype=np.float64)
     if count == 1:

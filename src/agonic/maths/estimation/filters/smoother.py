@@ -62,12 +62,7 @@ def sum_residuals(
     by_next: Array | None = None,
 ) -> Sums:
     """The sums of residuals (N, r) of weights (N,), which parameters move by (N, r, p) and the
-    states by (N, r, b); or of N − 1 intervals, by the state before and `by_next` that after.
-
-    >>> one = np.ones((2, 1, 1))
-    >>> sum_residuals(np.ones((2, 1)), np.ones(2), one, -one, one).gradient.ravel().tolist()
-    [-1.0, 0.0, 1.0]
-    """
+    states by (N, r, b); or of N − 1 intervals, by the state before and `by_next` that after."""
     sides = [by_state] if by_next is None else [by_state, by_next]
     n = len(weights) + len(sides) - 1
     weighted = by_params * weights[:, None, None]

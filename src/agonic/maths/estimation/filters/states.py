@@ -216,12 +216,7 @@ class FilterState(NamedTuple):
 
 
 def start_filter(state: ArrayLike, covariance: Array, time: float) -> FilterState:
-    """A filter from a covariance (m, m); `time` is that of the reading before the first.
-
-    >>> b = start_filter(np.zeros(10), np.diag([1.0, 4, 4, 4]), 0.0)
-    >>> b.diagonal.tolist(), np.allclose(b.covariance, np.diag([1.0, 4, 4, 4]))
-    ([1.0, 4.0, 4.0, 4.0], True)
-    """
+    """A filter from a covariance (m, m); `time` is that of the reading before the first."""
     m = len(covariance)
     columns, diagonal, rest = np.eye(m), np.zeros(m), np.array(covariance, dtype=np.float64)
     for j in range(m - 1, -1, -1):

@@ -11,9 +11,6 @@ def autoregress(values: Array, kept: float) -> Array:
     """y_i = x_i + kept · y_{i−1} along the rows of values (n, …), from y_{−1} = 0.
 
     A triangular solve does it: SciPy's filters would be half a second of loading to every command.
-
-    >>> autoregress(np.array([1.0, 0.0, 4.0]), 0.5).tolist()
-    [1.0, 0.5, 4.25]
     """
     from scipy.linalg.lapack import dtbtrs  # here, so that what only reads a log loads no SciPy
 

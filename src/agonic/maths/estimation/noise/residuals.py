@@ -67,11 +67,7 @@ def is_like_gaussian(residuals: Array, sd: float, parameters: int) -> bool:
 
 
 def robust_scale(residuals: Array, parameters: int = 0) -> float:
-    """Standard deviation from the median absolute residual, with the freedom of the fit taken off.
-
-    >>> float(round(robust_scale(np.array([-1.0, 1.0, -1.0, 1.0, 100.0])), 3))
-    1.483
-    """
+    """Standard deviation from the median absolute residual, less the freedom of the fit."""
     n = len(residuals)
     freedom = np.sqrt(n / (n - parameters)) if n > parameters else 1.0
     return float(MAD_TO_SD * median(np.abs(residuals)) * freedom)

@@ -98,11 +98,7 @@ def _centre(values: Array, variance: Array, centre: float) -> float:
 
 
 def weighted_median(values: Array, weights: Array) -> float:
-    """The value that half of the weight lies at or below.
-
-    >>> weighted_median(np.array([1.0, 2.0, 9.0]), np.array([1.0, 1.0, 5.0]))
-    9.0
-    """
+    """The value that half of the weight lies at or below."""
     below, half = 0.0, float(weights.sum()) / 2
     low, width = (float(values.min()), float(np.ptp(values))) if len(values) > _MANY else (0.0, 0.0)
     if np.finfo(float).tiny * _BINS < width < np.inf:  # those near the middle need an order only

@@ -44,13 +44,7 @@ def fit_tail(distance: Array, dimensions: int) -> Tail:
     log r beyond 3 c. Scale c, ν and the outliers' share are found by maximum likelihood on a grid;
     then ν is lowered as far as the profile likelihood allows (a drop of 2), yet not below 4
     unless the likelihood itself asks for it. So few members are judged by a heavy tail, many by
-    their own; 1/n is added to 1/ν for the scale that was learned from n of them.
-
-    >>> r = np.abs(np.random.default_rng(0).normal(size=100_000))
-    >>> many, few = fit_tail(r, 1), fit_tail(r[:20], 1)
-    >>> many.dof > 40, few.dof < 4, bool(few.beyond(6.0) > 100 * many.beyond(6.0))
-    (True, True, True)
-    """
+    their own; 1/n is added to 1/ν for the scale that was learned from n of them."""
     k, n = dimensions, len(distance)
     typical = median(distance) / np.sqrt(k * fdtri(k, 30.0, 0.5))
     scales = max(typical, 0.05) * _SCALES
