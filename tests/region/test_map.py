@@ -1,5 +1,6 @@
 """The map of a region: Maxwell's equations, honest errors, and readings that contradict."""
 
+import gzip
 from itertools import product
 from pathlib import Path
 
@@ -7,12 +8,13 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.errors import AgonicError, CoverageError, UnitError, ValidityError
+from agonic.errors import AgonicError, CoverageError, LogError, UnitError, ValidityError
+from agonic.logs.text.csv_text import read_table
 from agonic.maths.magnetostatics import list_circle, wire_field
 from agonic.maths.rotations.attitude import rot_nb
-from agonic.region import FieldMap
+from agonic.region import FieldMap, files
 from agonic.region.files import read_region
-from agonic.region.fit import MOST, choose_next
+from agonic.region.fit import MAX_READINGS, choose_next
 from agonic.region.maths.equivalent_sources import Readings, fit_process, lay_sources, make_features
 from tests.command_line import answer, complaint
 from tests.region.rooms import simulate_room
@@ -223,11 +225,11 @@ def test_the_next_places_are_those_that_lower_the_mean_variance_most() -> None:
 
 
 def test_many_readings_are_averaged_where_they_lie_together() -> None:
-    room = simulate_room(3 * MOST, seed=5)
+    room = simulate_room(3 * MAX_READINGS, seed=5)
     made = ag.fit_map(room.position, room.field)
-    assert len(made.readings.field) <= MOST
-    assert made.readings.weight.sum() == 3 * MOST
-    assert len(made.left_out) == 3 * MOST
+    assert len(made.readings.field) <= MAX_READINGS
+    assert made.readings.weight.sum() == 3 * MAX_READINGS
+    assert len(made.left_out) == 3 * MAX_READINGS
     at = draw_places(made, 100, 0)
     few = ag.fit_map(room.position[:100], room.field[:100])
     inside = ((at > few.low) & (at < few.high)).all(axis=1)
@@ -300,3 +302,21 @@ def test_mistakes_in_a_table_are_named(tmp_path: Path, capsys) -> None:
     )
     with pytest.raises(UnitError, match="--unit"):
         read_region(raw)
+    with pytest.raises(LogError, match=r"none\.csv: cannot be read"):
+        read_region(tmp_path / "none.csv")
+
+
+def test_a_table_is_read_once(tmp_path: Path, monkeypatch) -> None:
+    room = simulate_room(20, seed=8)
+    columns = {f"{a}_m": room.position[:, k] for k, a in enumerate("xyz")}
+    columns |= {f"mag_{a}_nT": room.field[:, k] for k, a in enumerate("xyz")}
+    plain = write_table(tmp_path / "room.csv", columns)
+    packed = tmp_path / "room.csv.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    read = []
+    monkeypatch.setattr(files, "read_table", lambda path: read.append(path) or read_table(path))
+    for file in (plain, packed):
+        position, samples = read_region(file)
+        np.testing.assert_allclose(position, room.position, atol=1e-6)
+        np.testing.assert_allclose(samples.field, room.field, atol=1e-3)
+    assert len(read) == 2

@@ -68,10 +68,10 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
     then = np.linalg.norm(found.at(found.next_places).sd, axis=1)
     rows = [
         [f"{k}", *(f"{v:.2f}" for v in place), quantity(one, "nT", 2)]
-        for k, (place, one) in enumerate(
-            zip(found.next_places, then.tolist(), strict=True), start=1
-        )
+        for k, (place, one) in enumerate(zip(found.next_places, then.tolist(), strict=True), 1)
     ]
+    head = ("Place", "x, m", "y, m", "z, m", "Standard error now")
+    turns = "x to heading 0, y to the right, z down: readings were turned by their attitude"
     middle = zip(here.field[0].tolist(), here.sd[0].tolist(), strict=True)
     return Document(
         schema="agonic/map@1",
@@ -82,9 +82,7 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
         findings=found.findings,
         method=f"{len(found.left_out)} readings",
         entries={
-            "Axes": "x to heading 0, y to the right, z down: readings were turned by their attitude"
-            if turned
-            else "those of the readings, as they are",
+            "Axes": turns if turned else "those of the readings, as they are",
             "Region": " × ".join(f"{side:.2f}" for side in found.high - found.low) + " m",
             "Middle": ", ".join(with_sd(f, s) for f, s in middle)
             + f" nT, strength {with_sd(float(here.magnitude[0]), float(here.magnitude_sd[0]))} nT, "
@@ -97,16 +95,12 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
         },
         sections=[
             Section("From above", [lambda: draw_region(found)]),
-            Section(
-                "Measure next",
-                [Table(("Place", "x, m", "y, m", "z, m", "Standard error now"), rows)],
-                printed=True,
-            ),
+            Section("Measure next", [Table(head, rows)], printed=True),
             list_inputs(source, method=CITATIONS, equation="f(x) = u + Σⱼ T(x − sⱼ) wⱼ"),
         ],
         styles=["contours.css"],
-        values=make_record(found)
-        | {
+        values={
+            **make_record(found),
             "n": len(found.left_out),
             "left_out": np.flatnonzero(found.left_out),
             "middle_nT": here.field[0],

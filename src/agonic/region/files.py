@@ -10,10 +10,13 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError, UnitError
 from agonic.exports.csv import write_table
-from agonic.logs.read import read
+from agonic.logs.headers.column_names import names_for
+from agonic.logs.read import unpack
 from agonic.logs.rows.auxiliary import to_numbers
+from agonic.logs.table import build_log
 from agonic.logs.text.csv_text import read_table
 from agonic.maths.rotations.attitude import rot_nb
+from agonic.provenance import Input, hash_file
 from agonic.region.result import FieldMap
 from agonic.samples import Samples
 
@@ -23,10 +26,18 @@ PLACE = ("x_m", "y_m", "z_m")
 def read_region(path: Path, unit: str | None = None) -> tuple[Array, Samples]:
     """Places (n, 3), m, and readings of a table with columns x_m, y_m, z_m and a calibrated
     field."""
-    samples = read(path, unit=unit)
+    try:
+        with unpack(path) as (plain, _), names_for(path, None) as names:
+            table, facts = read_table(plain)
+            source = Input(name=path.name, sha256=hash_file(path), count=0)
+            stated = unit or (names.unit if names else None)
+            samples = build_log(table, path=path, source=source, unit=stated, **facts).sensors[0]
+    except OSError as error:
+        raise LogError(f"cannot be read: {error.strerror or error}", path=path) from error
+    except LogError as error:
+        raise error if error.path else LogError(str(error), path=path) from error
     if samples.unit != "nT":
         raise UnitError(f"{path.name} names no unit of the field; give it with --unit")
-    table, _ = read_table(path)
     missing = [name for name in PLACE if name not in table]
     if missing:
         raise LogError(

@@ -27,15 +27,13 @@ CITATIONS = ("solin-2018", "dampney-1969", "patterson-thompson-1971")
 DISTANCES = tuple(np.geomspace(0.15, 1.2, 5))
 """Distances of the sources over half the longest side of the readings' box: nearer ones make a
 field that readings of a room do not resolve, farther ones one that is linear in it."""
-LIKELY = 8.0
-"""Twice the log-likelihood that a distance may lie below the best: over 2 % of its weight."""
-FEWEST = 8
-"""Readings: 24 numbers for uniform field and gradient, 8 unknowns, noise, distance, amplitude."""
-MOST = 500
-"""Readings that are fitted as they are; of more, those that lie together are averaged."""
+MAX_READINGS = 500
+"""That are fitted as they are; of more, those that lie together are averaged."""
+MIN_PLACES = 8
+"""24 numbers for uniform field and gradient, 8 unknowns, noise, distance, amplitude."""
 BY_CHANCE = 0.003
 """Chance that a reading is left out of a map whose readings are all right: 3 σ of a normal one."""
-TAIL = 6.0
+TAIL_FREEDOM = 6.0
 """Degrees of freedom of what readings left out differ by: a source near one makes more of it than a
 Gaussian process has. Of 40 simulated rooms whose readings are right (tests/region), at most one has
 a reading left out."""
@@ -130,10 +128,10 @@ def _check(position: ArrayLike, field: ArrayLike) -> tuple[Array, Array]:
         )
     if not (np.isfinite(at).all() and np.isfinite(values).all()):
         raise AgonicError("places or readings are not numbers in some rows; leave those out")
-    if len(np.unique(at, axis=0)) < FEWEST or not np.ptp(at, axis=0).max() > 0:
+    if len(np.unique(at, axis=0)) < MIN_PLACES or not np.ptp(at, axis=0).max() > 0:
         raise CoverageError(
             f"{len(np.unique(at, axis=0))} different places are too few for a map; measure at "
-            f"{FEWEST} or more, all over the region",
+            f"{MIN_PLACES} or more, all over the region",
         )
     return at, values
 
@@ -141,7 +139,7 @@ def _check(position: ArrayLike, field: ArrayLike) -> tuple[Array, Array]:
 def _average_near(at: Array, values: Array) -> tuple[Readings, Index]:
     """The readings, or of many the means of those in one cell, and the cell of each (n,)."""
     members, size = np.arange(len(at)), float(np.ptp(at, axis=0).max()) / len(at)
-    while members.max() >= MOST:
+    while members.max() >= MAX_READINGS:
         cells = np.floor((at - at.min(axis=0)) / size)
         members = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
         size *= 1.1
@@ -168,7 +166,7 @@ def _fit_all(
         made.append(fit_process(readings, box, best.distance * finer, noise))
     made.sort(key=lambda one: one[0].cost)
     costs = np.array([process.cost for process, _ in made])
-    weights = np.exp(-0.5 * (costs - costs[0]))[costs < costs[0] + LIKELY]
+    weights = np.exp(-0.5 * (costs - costs[0]))[costs < costs[0] + 8.0]  # 2 % of the best's
     likely = [process for process, _ in made[: len(weights)]]
     return likely, weights / weights.sum(), made[0][1]
 
@@ -193,7 +191,7 @@ def find_contradiction(
     noise falls by three standard errors without it.
     """
     chance = 1 - BY_CHANCE / len(surprise)
-    normal, tail = float(chdtri(3, 1 - chance)), 3 * float(fdtri(3, TAIL, chance))
+    normal, tail = float(chdtri(3, 1 - chance)), 3 * float(fdtri(3, TAIL_FREEDOM, chance))
     fall = 1 + 3 * _estimate_noise_sd(process, readings) / process.noise**0.5
     found = []
     for k in np.argsort(-surprise)[:4].tolist():  # one wrong place makes others look wrong too
