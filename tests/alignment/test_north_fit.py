@@ -10,7 +10,7 @@ from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.north.di_flux import fit_di_flux
 from agonic.alignment.north.fit import fit_north
 from agonic.alignment.session.laboratory import NorthSession, Sighting
-from agonic.alignment.simulation.laboratory import READINGS, simulate_di_flux, simulate_north
+from agonic.alignment.simulation.laboratory import simulate_di_flux, simulate_north
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
@@ -276,7 +276,7 @@ def test_a_platform_that_settles_is_told_and_in_the_standard_error(settling: boo
         made = simulate_north(seed=seed)
         session, field = made.session, made.session.magnetometer.field
         if settling:
-            since = np.arange(len(field)) % READINGS
+            since = np.arange(len(field)) % 20
             turned = -30.0 * ARCSEC_RAD * np.expm1(-since / 15.0)
             about_down = Rotation.from_rotvec(np.outer(turned, made.rot_mb[:, 2]))
             moved = session.magnetometer.with_columns(field=about_down.apply(np.array(field)))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from agonic.alignment.findings import report
+from agonic.alignment.findings import is_above, report, report_above
 from agonic.alignment.maths.columns import (
     CoilEstimate,
     Stretches,
@@ -28,7 +28,7 @@ from agonic.alignment.session.session import compute_unix_s
 from agonic.arrays import Array
 from agonic.errors import CoverageError, ValidityError
 from agonic.health import Finding, Judged, figure
-from agonic.health.finding import Severity
+from agonic.maths.estimation.noise.student import RARE
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
 from agonic.maths.rotations.vectors import skew
@@ -138,24 +138,12 @@ class CoilFit(Judged):
         return float(np.hypot(along, self.session.current_sd * self.constant))
 
 
-RARE = 1e-3
-STANDS_OUT = 4.0
-CORRELATED = 2.0
 SURE = 5.0
 """Standard errors by which parts of the readings, or the reference, must differ to say anything."""
-FAR_DEG, REVERSED_DEG = 5.0, 90.0
-OTHER_SIZE = 0.005
-"""Share by which the magnetometer may read more of the ambient field than the reference."""
-SHARE, DRIFTS = 1e-5, 1e-4
-"""Shares of the constant: what a reference may see of the coil, and how far it may drift."""
-MOST_A = 50.0
-ENOUGH = 16
-SETTLED, UNSETTLED = 1e-5, 1e-2
-"""Shares of the constant: a field that moves it by less has settled, by more is not used."""
 METHOD = ("harbin-2018",)
 SAME_CURRENT = 0.02
 """Share of the largest current by which stretches of one level may differ."""
-FEWEST, MOST_DRIFT = 6, 16
+MIN_STRETCHES, MAX_DRIFT = 6, 16
 
 
 def fit_coil(session: CoilSession) -> CoilFit:
@@ -187,7 +175,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
     current, read, seen = _read(session)
     level = _levels(current)
     even = int(level.max()) > 0
-    drift = choose_drift(current, seen, MOST_DRIFT, even=even)
+    drift = choose_drift(current, seen, MAX_DRIFT, even=even)
     found = estimate_coil(current, seen, drift, even=even)
     time = None
     if session.magnetometer.epoch is not None:  # the middle of the measurement
@@ -221,11 +209,11 @@ def _read(session: CoilSession) -> tuple[Array, Stretches, Stretches]:
     whole = split(np.abs(np.diff(current)) > SAME_CURRENT * float(np.abs(current).max()))
     settled = (own[time[own] - time[own[0]] >= session.settle_s] for own in whole)
     rows = [own for own in settled if len(own)]
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_STRETCHES:
         raise CoverageError(
             f"the current has {len(rows)} stretches",
             undetermined="drift and coil together",
-            turns=f"reverse it at least {FEWEST} times",
+            turns=f"reverse it at least {MIN_STRETCHES} times",
         )
     read = average_beside(rows, samples, session.corrected, session.reference)
     seen = read
@@ -325,8 +313,16 @@ def _examine(fit: CoilFit) -> Iterator[Finding]:
     """The findings of a fit. A coil that does not settle spoils what shows the mistakes."""
     settling = list(_judge_settling(fit))
     yield from settling
+    largest, away = float(np.abs(fit.current).max()), fit.geometric_deg or 0.0
     if not settling:
-        yield from _find_mistakes(fit)
+        yield from report_above("large current", largest, largest=largest)
+        turned = "the coil or the sign of its current is reversed"
+        cause = (
+            turned
+            if away > 90.0 and not is_above("axis not as drawn", 180.0 - away)
+            else ("is it another coil?")
+        )
+        yield from report_above("axis not as drawn", away, away=away, cause=cause)
         yield from _check_reference(fit)
         yield from _check_drift(fit)
     if (fit.current > 0).all() or (fit.current < 0).all():
@@ -338,23 +334,16 @@ def _examine(fit: CoilFit) -> Iterator[Finding]:
         yield report("geodetic coordinates", otherwise="")
     if fixed and "i" not in fit.directions:
         yield report("no inertial axis")
-    yield from _check_residuals(fit)
-
-
-def _check_residuals(fit: CoilFit) -> Iterator[Finding]:
-    """Levels that differ, what does not reverse, and stretches that are alike in what is left."""
     if fit.p_linear < RARE:
         worst = max(fit.levels, key=lambda level: abs(level.departure / level.sd))
         off = 1e6 * worst.departure / fit.constant
         yield report("nonlinear", current=figure(worst.current_A, 3), off=off)
     even, spread = fit.estimate.even, fit.estimate.covariance[:, 1, 1]
-    if spread.any() and (even**2 / spread).max() > STANDS_OUT**2:
-        largest = float(np.abs(fit.current).max())
-        left = float(np.linalg.norm(even)) * largest**2
-        yield report("even in the current", left=left, largest=largest)
+    if spread.any():
+        out, left = float(np.sqrt((even**2 / spread).max())), float(np.linalg.norm(even))
+        yield from report_above("even in the current", out, left=left * largest**2, largest=largest)
     length = float(fit.estimate.correlation.max())
-    if length > CORRELATED:
-        yield report("correlated residuals", length=length)
+    yield from report_above("correlated residuals", length, length=length)
 
 
 def _compare(fit: CoilFit, one: CoilEstimate, *others: CoilEstimate) -> tuple[float, float]:
@@ -378,21 +367,8 @@ def _judge_settling(fit: CoilFit) -> Iterator[Finding]:
     late = estimate_coil(current, seen, fit.estimate.drift, even=len(fit.levels) > 0)
     moved, sd = _compare(fit, late)
     share = abs(moved) / fit.constant
-    if abs(moved) >= SURE * sd and share >= SETTLED:
-        severity: Severity = "refuse" if share > UNSETTLED else "check"
-        yield report("coil not settled", severity, by=100 * share)
-
-
-def _find_mistakes(fit: CoilFit) -> Iterator[Finding]:
-    """What the size of the current and the axis as drawn show."""
-    largest, away = float(np.abs(fit.current).max()), fit.geometric_deg
-    if largest > MOST_A:
-        yield report("large current", largest=largest)
-    if away is not None and away > FAR_DEG:
-        reverse = away > REVERSED_DEG and 180 - away <= FAR_DEG
-        turned = "the coil or the sign of its current is reversed"
-        cause = turned if reverse else "is it another coil?"
-        yield report("axis not as drawn", away=away, cause=cause)
+    if abs(moved) >= SURE * sd and is_above("coil not settled", share):
+        yield report("coil not settled", "refuse" if share > 0.01 else "check", by=100 * share)
 
 
 def _check_reference(fit: CoilFit) -> Iterator[Finding]:
@@ -401,23 +377,21 @@ def _check_reference(fit: CoilFit) -> Iterator[Finding]:
     if beside is None:
         return
     own = fit.read._replace(field=beside.field, beside=None)
-    drift = choose_drift(fit.current, own, MOST_DRIFT, even=False)
+    drift = choose_drift(fit.current, own, MAX_DRIFT, even=False)
     seen = estimate_coil(fit.current, own, drift, even=False)
-    size = float(np.linalg.norm(seen.linear))
-    sure = np.abs(seen.linear) > SURE * np.sqrt(seen.covariance[:, 0, 0])
-    if sure.any() and size > SHARE * fit.constant:
-        yield report("coil in the reference", share=100 * size / fit.constant)
+    share = float(np.linalg.norm(seen.linear)) / fit.constant
+    if (np.abs(seen.linear) > SURE * np.sqrt(seen.covariance[:, 0, 0])).any():
+        yield from report_above("coil in the reference", share, share=100 * share)
     ambient = fit.read.counts @ (fit.read.field - fit.current[:, None] * fit.estimate.linear)
     more = float(np.linalg.norm(ambient) / np.linalg.norm(fit.read.counts @ beside.field)) - 1
-    if abs(more) > OTHER_SIZE:
-        way = "more" if more > 0 else "less"
-        yield report("ambient field differs", by=100 * abs(more), way=way)
+    way = "more" if more > 0 else "less"
+    yield from report_above("ambient field differs", abs(more), by=100 * abs(more), way=way)
 
 
 def _check_drift(fit: CoilFit) -> Iterator[Finding]:
     """The constant of the first half of the stretches against that of the second."""
     half = fit.n // 2
-    if half < ENOUGH:
+    if half < MAX_DRIFT:
         return
     drift, even = min(fit.estimate.drift, half // 4), len(fit.levels) > 0
     first, second = (
@@ -425,5 +399,6 @@ def _check_drift(fit: CoilFit) -> Iterator[Finding]:
         for rows in (slice(0, half), slice(half, None))
     )
     moved, sd = _compare(fit, second, first)
-    if abs(moved) > max(SURE * sd, DRIFTS * fit.constant):
-        yield report("constant drifts", by=100 * moved / fit.constant)
+    share = moved / fit.constant
+    if abs(moved) > SURE * sd:
+        yield from report_above("constant drifts", abs(share), by=100 * share)

@@ -14,9 +14,8 @@ from agonic.alignment.figures import (
     draw_residuals,
     draw_series,
     draw_settings,
-    make_residual_axis,
 )
-from agonic.alignment.findings import judge, write_by_axis
+from agonic.alignment.findings import write_by_axis
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.maths.columns import average, find_rows
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
@@ -24,16 +23,15 @@ from agonic.alignment.north.di_flux import DiFluxFit
 from agonic.alignment.north.fit import NorthFit
 from agonic.alignment.remanence import RemanenceFit
 from agonic.alignment.session.laboratory import SwingRecord
+from agonic.health import Judged
 from agonic.readable import make_record
 from agonic.report.axes import Columns, along_rows, fit_axis
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.markup import Markup
 from agonic.report.section import Section, Table, list_inputs
-from agonic.report.strips import caption, level, line, plot, spread
+from agonic.report.strips import caption, level, line, plot
 
-WHEN_CLEAN = "Use the platform; turn it again when something on it was changed."
-CAPTION = "What is read at each angle of the platform beside the mean"
 FRAMES = {
     "m": "magnetometer",
     "b": "platform",
@@ -47,18 +45,61 @@ ANGLES = {
     "i": ("right ascension", "declination"),
     "e": ("longitude", "latitude"),
 }
-SETTING_HEAD = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
-PLATFORM_HEAD = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
 METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": "transits"}
-LEVEL_HEAD = ("Current, A", "Constant, nT/A", "Standard error", "Departure", "Departure, ppm")
+
+
+def make_document(fit: Judged, found: dict[str, Any], **given: Any) -> Document:
+    """The document of a result: its verdict and findings, and what was `found`. A refused one has
+    no numbers; sections and further values only where they are among those `given`."""
+    judged = {name: getattr(fit, name) for name in ("verdict", "status", "findings")}
+    if fit.verdict != "refused":
+        given["values"] = {**given.get("values", {}), **found}
+    calibration = getattr(fit, "calibration", None)
+    return Document(**judged, calibration=calibration, styles=["alignment.css"], **given)
 
 
 def describe_coil(fit: CoilFit) -> Document:
     """The axis in every frame, the constant at each current, and what was objected to."""
-    session, refused = fit.session, fit.verdict == "refused"
+    session, sections = fit.session, []
     reference = None if session.reference is None else session.reference.origin
     left, along = fit.estimate.residuals, [f"along {letter}" for letter in "xyz"]
     drawn = partial(draw_series, left, fit.stretches.time, along, "nT")
+    if fit.levels:
+        sections.append(Section("Linearity", [_list_levels(fit)], printed=True))
+    sections.append(Section("Residuals of the stretches", [drawn]))
+    entries = {"Constant": f"{with_sd(fit.constant, fit.constant_sd)} nT/A"}
+    for letter, direction in fit.directions.items():
+        entries[f"Axis {letter}"] = _write_coil_axis(letter, direction, fit.time)
+    if fit.geometric_deg is not None and fit.geometric_sd_arcsec is not None:
+        away = with_sd(3600 * fit.geometric_deg, fit.geometric_sd_arcsec)
+        entries["As drawn"] = f"{away}″ away"
+    noise = float(np.sqrt((fit.estimate.noise**2).mean()))
+    entries["Noise"] = f"{quantity(noise, 'nT', 2)} of a reading, {fit.n} stretches"
+    return make_document(
+        fit,
+        {},
+        schema="agonic/fit-coil@1",
+        kind=f"Magnetic axis of a coil, {fit.reversals} current reversals",
+        name=session.coil,
+        title=session.name or session.coil,
+        method=f"magnetic axis from {fit.reversals} current reversals",
+        entries=entries,
+        sections=[
+            *(sections if fit.verdict != "refused" else ()),
+            list_inputs(session.magnetometer.origin, reference, method=METHOD),
+        ],
+        values={
+            "coil": session.coil,
+            **make_record(fit),
+            "even_nT_A2": fit.estimate.even,
+            "noise_nT": fit.estimate.noise,
+        },
+    )
+
+
+def _list_levels(fit: CoilFit) -> Table:
+    """The constant at each size of the current."""
+    head = ("Current, A", "Constant, nT/A", "Standard error", "Departure", "Departure, ppm")
     rows = [
         [
             group_digits(level.current_A, 5),
@@ -68,36 +109,7 @@ def describe_coil(fit: CoilFit) -> Document:
         ]
         for level in fit.levels
     ]
-    linearity = Section("Linearity", [Table(LEVEL_HEAD, rows, "numbers small")], printed=True)
-    entries = {"Constant": f"{with_sd(fit.constant, fit.constant_sd)} nT/A"}
-    for letter, direction in fit.directions.items():
-        entries[f"Axis {letter}"] = _write_coil_axis(letter, direction, fit.time)
-    if fit.geometric_deg is not None and fit.geometric_sd_arcsec is not None:
-        away = with_sd(3600 * fit.geometric_deg, fit.geometric_sd_arcsec)
-        entries["As drawn"] = f"{away}″ away"
-    noise = float(np.sqrt((fit.estimate.noise**2).mean()))
-    entries["Noise"] = f"{quantity(noise, 'nT', 2)} of a reading, {fit.n} stretches"
-    return Document(
-        schema="agonic/fit-coil@1",
-        kind=f"Magnetic axis of a coil, {fit.reversals} current reversals",
-        name=session.coil,
-        title=session.name or session.coil,
-        method=f"magnetic axis from {fit.reversals} current reversals",
-        **judge(fit),
-        entries=entries,
-        sections=[
-            *([linearity] if rows and not refused else []),
-            *([] if refused else [Section("Residuals of the stretches", [drawn])]),
-            list_inputs(session.magnetometer.origin, reference, method=METHOD),
-        ],
-        values={
-            "coil": session.coil,
-            **make_record(fit),
-            "even_nT_A2": fit.estimate.even,
-            "noise_nT": fit.estimate.noise,
-        },
-        styles=["alignment.css"],
-    )
+    return Table(head, rows, "numbers small")
 
 
 def _write_coil_axis(letter: str, direction: Direction, time: float | None) -> str:
@@ -115,23 +127,22 @@ def _write_coil_axis(letter: str, direction: Direction, time: float | None) -> s
 
 def describe_gravity(fit: GravityFit, sensor: str) -> Document:
     """The rotation from the magnetometer of a name to the accelerometer; a refused one has none."""
-    refused, estimate = fit.verdict == "refused", fit.estimate
-    found = {**make_record(fit), "bias": estimate.bias, "residuals": estimate.residuals}
+    estimate = fit.estimate
     rows = (" ".join(group_digits(float(v), 6) for v in row) for row in fit.rot_bm)
-    return Document(
+    return make_document(
+        fit,
+        {**make_record(fit), "bias": estimate.bias, "residuals": estimate.residuals},
         schema="agonic/fit-gravity@1",
         kind="Alignment with an accelerometer",
         name=sensor,
         method=f"against the accelerometer, {fit.n} orientations at rest",
-        **judge(fit),
         entries={
             "Turn": quantity(fit.angle_deg, "°", 4),
             "Error": f"about the accelerometer's {write_by_axis(fit.sd_deg, '°')}",
             "Matrix": "; ".join(rows),
             "Dip": f"{group_digits(fit.inclination_deg, 2)}°",
         },
-        values={"sensor": sensor, "n": fit.n, **({} if refused else found)},
-        calibration=None if refused else fit.calibration,
+        values={"sensor": sensor, "n": fit.n},
     )
 
 
@@ -143,29 +154,30 @@ def describe_remanence(fit: RemanenceFit) -> Document:
         entries["Induced"] = f"{with_sd(fit.induced, fit.induced_sd)} nT, twice in a turn"
     read = [one.origin for one in (fit.samples, fit.reference) if one is not None]
     cosine, sine = fit.harmonics.parts[0]
-    found = {"sensor": fit.samples.name, "cosine_nT": cosine, "sine_nT": sine}
     angles = np.round(fit.angle_deg).astype(np.int64)
     drawn = partial(draw_residuals, fit.field, fit.noise, angles, "angle of the platform, °")
-    return Document(
+    caption = "What is read at each angle of the platform beside the mean"
+    clean = "Use the platform; turn it again when something on it was changed."
+    return make_document(
+        fit,
+        make_record(fit),
         schema="agonic/fit-remanence@1",
         kind="Remanence of a platform",
         name=fit.samples.name,
         method=f"platform turned to {fit.n} settings",
-        **judge(fit),
-        move=next((finding.move for finding in fit.findings), WHEN_CLEAN),
+        move=next((finding.move for finding in fit.findings), clean),
         entries=entries,
         sections=[
-            Section("At each angle of the platform", [lambda: draw_figure(drawn(), CAPTION)]),
+            Section("At each angle of the platform", [lambda: draw_figure(drawn(), caption)]),
             list_inputs(*read, method=METHOD),
         ],
-        values={**found, **make_record(fit)},
-        styles=["alignment.css"],
+        values={"sensor": fit.samples.name, "cosine_nT": cosine, "sine_nT": sine},
     )
 
 
 def describe_north(fit: NorthFit) -> Document:
     """North by every method, the swing, azimuths, and the alignment; refused ones have none."""
-    refused, session, aligned = fit.verdict == "refused", fit.session, fit.aligned
+    session, aligned = fit.session, fit.aligned
     sections, values = [], make_record(fit)
     if session.swing is not None and fit.swing is not None:
         drawn = partial(draw_swing, session.swing, fit.swing)
@@ -177,21 +189,21 @@ def describe_north(fit: NorthFit) -> Document:
             for n, at, left in zip(numbers, aligned.heading_deg, found.residuals, strict=True)
         ]
         bars = partial(draw_residuals, found.residuals, found.residuals_sd, numbers)
-        table = Table(PLATFORM_HEAD, rows, "numbers small")
+        head = ("Orientation", "Heading", "x, nT", "y, nT", "z, nT")
+        table = Table(head, rows, "numbers small")
         sections.append(Section("Residuals of the platform", [bars, table]))
         values |= {"n": len(numbers), **make_record(aligned), "residuals_nT": found.residuals}
         values |= {"chi2": found.chi2, "freedom": found.freedom}
-    return Document(
+    return make_document(
+        fit,
+        values,
         schema="agonic/fit-north@1",
         kind="North by a gyrotheodolite",
         name=session.name or "north",
         method=f"north by a gyrotheodolite, {METHODS[fit.method]}",
-        **judge(fit),
         entries=_list_north(fit),
-        sections=[] if refused else sections,
-        values={"method": fit.method, **({} if refused else values)},
-        calibration=None if refused else fit.calibration,
-        styles=["alignment.css"],
+        sections=[] if fit.verdict == "refused" else sections,
+        values={"method": fit.method},
     )
 
 
@@ -234,24 +246,10 @@ def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
         line(columns, circle, columns.mean(reading), "mean"),
     ]
     left = 3600 * (reading - evaluate_swing_deg(swing.params, record.time_s - record.time_s[0]))
-    y = make_residual_axis(left, "″")
-    rest = [
-        spread(columns, y, left, "range"),
-        level(y, 0.0, "noise"),
-        line(columns, y, columns.mean(left), "mean"),
-    ]
-    return [
-        caption(
-            "The circle following the gyro",
-            plot(x, circle, course, "Readings of the circle over time"),
-            {"mean": "reading", "noise": "the gyro’s north"},
-        ),
-        caption(
-            "What the damped sinusoid leaves",
-            plot(x, y, rest, "Residuals of the readings over time"),
-            {"range": "least to largest", "mean": "mean"},
-        ),
-    ]
+    drawn = plot(x, circle, course, "Readings of the circle over time")
+    keys = {"mean": "reading", "noise": "the gyro’s north"}
+    rest = draw_series(left[:, None], record.time_s, ["What the damped sinusoid leaves"], "″")
+    return [caption("The circle following the gyro", drawn, keys), *rest]
 
 
 def describe_di_flux(fit: DiFluxFit) -> Document:
@@ -266,19 +264,18 @@ def describe_di_flux(fit: DiFluxFit) -> Document:
         [str(k), *(f"{group_digits(v, n)}{sign}" for v, (n, sign) in zip(row, shown, strict=True))]
         for k, row in enumerate(np.column_stack([average(read, own), left]).tolist(), start=1)
     ]
-    table = Table(SETTING_HEAD, rows, "numbers small")
+    head = ("Setting", "Horizontal circle", "Zenith circle", "Fluxgate", "Residual")
+    table = Table(head, rows, "numbers small")
     settings = Section("Settings", [table, partial(draw_settings, left, unit)])
-    refused = fit.verdict == "refused"
-    return Document(
+    return make_document(
+        fit,
+        _record_sheet(fit),
         schema="agonic/fit-di-flux@1",
         kind=f"Absolute measurement {about}".rstrip(),
         name=sheet.name,
         method=f"absolute measurement with a fluxgate theodolite, {fit.n} settings",
-        **judge(fit),
         entries=_list_sheet(fit),
-        sections=[] if refused else [settings, list_inputs(*sheet.sources)],
-        values=_record_sheet(fit),
-        styles=["alignment.css"],
+        sections=[settings, list_inputs(*sheet.sources)],
     )
 
 
@@ -308,7 +305,6 @@ def _list_sheet(fit: DiFluxFit) -> dict[str, str]:
 
 def _record_sheet(fit: DiFluxFit) -> dict[str, Any]:
     """The numbers for programs; without a scale those in units of the fluxgate are null."""
-    (delta, epsilon), (delta_sd, epsilon_sd) = fit.collimation_arcsec, fit.collimation_sd_arcsec
     values = {
         **make_record(fit),
         "freedom": fit.estimate.freedom,
@@ -316,11 +312,11 @@ def _record_sheet(fit: DiFluxFit) -> dict[str, Any]:
         "mark_sd_arcsec": 3600 * fit.mark.sd_deg,
         "telescope_collimation_arcsec": 3600 * fit.mark.collimation_deg,
         "magnitude_nT": fit.sheet.magnitude,
-        "delta_arcsec": delta,
-        "epsilon_arcsec": epsilon,
-        "delta_sd_arcsec": delta_sd,
-        "epsilon_sd_arcsec": epsilon_sd,
-        "offset_arcsec": fit.offset_arcsec[0],
-        "offset_sd_arcsec": fit.offset_arcsec[1],
     }
+    for one, *both in (
+        ("delta", fit.collimation_arcsec[0], fit.collimation_sd_arcsec[0]),
+        ("epsilon", fit.collimation_arcsec[1], fit.collimation_sd_arcsec[1]),
+        ("offset", *fit.offset_arcsec),
+    ):
+        values |= dict(zip((f"{one}_arcsec", f"{one}_sd_arcsec"), both, strict=True))
     return values if fit.scaled else values | dict.fromkeys(("offset", "offset_sd", "scale"))

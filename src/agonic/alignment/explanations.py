@@ -6,7 +6,7 @@ calibrated: the residuals are linear in all of them, so that what each leaves ne
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,14 +27,6 @@ from agonic.health import Finding, figure
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
-EXPLAINED = 0.5
-"""A cause is named where it leaves less than this share of the misfit."""
-AS_GOOD = 1.5
-"""Others are named beside the best that leave no more than this many times what it leaves."""
-NAMED = 3
-"""Explanations that are named at most."""
-BY_CHANCE = 0.01
-"""How often any of those tried would explain as much by chance (Bonferroni)."""
 UNSOLVED = {
     ("reference",): ("axes of the reference", "the axes of the reference"),
     ("pier",): ("the field between the piers", "the pier"),
@@ -89,14 +81,22 @@ def find_explanations(
         freedom = solution.freedom - more
         rest = (solution.chi2 - explained) / max(freedom, 1)
         chance = fdtrc(more, freedom, explained / more / rest) if freedom > 0 else 1.0
-        likely = len(causes) * chance < BY_CHANCE
+        likely = len(causes) * chance < 0.01  # of any of them (Bonferroni)
         best = found[cause.kind].left if cause.kind in found else np.inf
-        if likely and rest < min(EXPLAINED * solution.chi2 / solution.freedom, best):
+        if likely and rest < best:
             words = _write(cause, size, solution.magnitude)
             found[cause.kind] = Explanation(words, cause.move, rest, more)
-    least = min((one.left for one in found.values()), default=np.inf)
-    good = [one for one in found.values() if one.left <= AS_GOOD * least]
-    return sorted(good, key=lambda one: (one.unknowns, one.left))[:NAMED]
+    good = choose_explanations(found.values(), solution.chi2 / solution.freedom)
+    return sorted(good, key=lambda one: (one.unknowns, one.left))[:3]
+
+
+def choose_explanations(found: Iterable[Explanation], now: float) -> list[Explanation]:
+    """The best first, where it leaves less than half of the misfit that there is now, and others
+    that leave no more than half as much again."""
+    order = sorted(found, key=lambda one: one.left)
+    if not order or not order[0].left < now / 2:
+        return []
+    return [one for one in order if one.left <= 1.5 * order[0].left]
 
 
 def report_misfit(

@@ -12,10 +12,13 @@ from agonic.maths.rotations.frames import r2, r3
 from agonic.report.axes import Axis, Columns, along_rows, down, right
 from agonic.report.digits import MINUS, group_digits
 from agonic.report.markup import Markup, element
-from agonic.report.strips import caption, level, line, path, plot
+from agonic.report.strips import caption, level, line, path, plot, spread
 
-LEAST_BARS = 5.0
-"""Bars that the axis of a session has room for at least, so that its ticks are whole numbers."""
+MIN_BARS = 5.0
+"""That an axis has room for, so that its ticks are whole numbers."""
+RADIUS, MAX_DOT = 130.0, 11.0
+"""Of a drawing in the middle of a height of 320, and of the dot of the largest residual."""
+LETTER_HIGH = 9.0
 
 
 def draw_residuals(
@@ -26,7 +29,7 @@ def draw_residuals(
     limit = 1.1 * max(float(np.abs(values).max()), 2 * float(sd.max()), 1e-12)
     at: Array = np.unique(numbers).astype(np.float64)
     step = float(np.diff(at).min()) if len(at) > 1 else 1.0
-    last = max(at[-1], at[0] + step * (LEAST_BARS - 1))
+    last = max(at[-1], at[0] + step * (MIN_BARS - 1))
     x = Axis(along, float(at[0]) - step / 2, float(last) + step / 2)
     y = Axis("residual, nT", -limit, limit)
     at, reach = numbers.astype(np.float64), 2 * np.sqrt((sd**2).mean(axis=1))
@@ -47,7 +50,7 @@ def draw_figure(drawn: Markup, caption: str) -> Markup:
 def draw_settings(values: Array, unit: str) -> Markup:
     """What is left of each setting (k,), a bar each, numbered from one."""
     numbers = np.arange(1.0, len(values) + 1)
-    x = Axis("setting", 0.5, max(len(values), LEAST_BARS) + 0.5)
+    x = Axis("setting", 0.5, max(len(values), MIN_BARS) + 0.5)
     y = make_residual_axis(values, unit)
     bars = _bars(x, y, numbers, 0.3, np.zeros(len(values)), values, "bar-x")
     return caption("Residuals", plot(x, y, [bars, level(y, 0.0, "zero")], "Residuals"))
@@ -62,9 +65,9 @@ def _bars(
     return path("".join(bars), name)
 
 
-def svg(parts: list[Markup], name: str, wide: float, high: float, label: str) -> Markup:
-    """A drawing of a class, in its own units, with what it shows in words."""
-    box = f"0 0 {wide:g} {high:g}"
+def svg(parts: list[Markup], name: str, label: str, wide: float = 320.0) -> Markup:
+    """A drawing of a class, with what it shows in words."""
+    box = f"0 0 {wide:g} 320"
     return element("svg", *parts, class_=name, viewBox=box, role="img", aria_label=label)
 
 
@@ -79,8 +82,10 @@ def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: s
     y, columns = make_residual_axis(values, unit), Columns(x, along)
     drawn = []
     for name, one in zip(names, values.T, strict=True):
-        layers = [level(y, 0.0, "noise"), line(columns, y, columns.mean(one), "mean")]
-        drawn.append(caption(name, plot(x, y, layers, f"Residuals {name}")))
+        layers = [spread(columns, y, one, "range"), level(y, 0.0, "noise")]
+        layers.append(line(columns, y, columns.mean(one), "mean"))
+        keys = {"range": "least to largest", "mean": "mean"}
+        drawn.append(caption(name, plot(x, y, layers, f"Residuals {name}"), keys))
     return drawn
 
 
@@ -88,13 +93,6 @@ def make_residual_axis(values: Array, unit: str) -> Axis:
     """The axis of residuals, zero in its middle."""
     limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
     return Axis(f"residual, {unit}", -limit, limit)
-
-
-SIZE, RADIUS = 320.0, 130.0
-LEAST, MOST = 3.0, 11.0
-"""Radius of the dot of the smallest and the largest residual."""
-LETTER_WIDE, LETTER_HIGH = 5.6, 9.0
-"""Room for a figure of a dot's name."""
 
 
 def draw_dome(boresight_n: Array, numbers: NDArray[np.int64], residual_arcsec: Array) -> Markup:
@@ -144,19 +142,19 @@ def _draw_map(
     """A round map of directions `away` (k,) from the middle, as a share of the radius, and by
     `azimuth` (k,), rad, clockwise from the top: names round the rim from there, and rings with
     their angles. A dot is as large as its residual, ″, with its number beside it."""
-    middle, far = SIZE / 2, RADIUS + 14
+    middle, far = 160.0, RADIUS + 14
     x, y = middle + RADIUS * away * np.sin(azimuth), middle - RADIUS * away * np.cos(azimuth)
     parts = [_circle(middle, middle, RADIUS * s, "ring") for s in (1.0, *reversed(rings))]
     for name, (aside, below) in zip(rim, ((0, -1), (1, 0), (0, 1), (-1, 0)), strict=True):
         parts.append(svg_text(middle + aside * far, middle + below * far + 4, name, "rim-name"))
     for s, angle in rings.items():
         parts.append(svg_text(middle + 4, middle - RADIUS * s - 3, f"{angle}°", "ring-name"))
-    radius = LEAST + (MOST - LEAST) * residual / max(float(residual.max()), 1e-12)
+    radius = 3.0 + (MAX_DOT - 3.0) * residual / max(float(residual.max()), 1e-12)
     for k in np.argsort(-radius):
         said = element("title", f"orientation {numbers[k]}: {residual[k]:.2f}″")
         parts.append(_circle(x[k], y[k], radius[k], "dot", said))
     parts += _names(x, y, radius, numbers)
-    return svg(parts, "dome", SIZE, SIZE, f"Where the star sensor looked {where}")
+    return svg(parts, "dome", f"Where the star sensor looked {where}")
 
 
 def _circle(x: float, y: float, radius: float, name: str, *inside: Markup) -> Markup:
@@ -175,7 +173,7 @@ def _names(x: Array, y: Array, radius: Array, numbers: NDArray[np.int64]) -> lis
     at = np.stack([x[first], y[first]], axis=1)
     drawn: list[Markup] = []
     for name, dot, place in zip(names, at, place_apart(at, radius[first], names), strict=True):
-        if np.hypot(*(place - dot)) > MOST:
+        if np.hypot(*(place - dot)) > MAX_DOT:
             lead = f"M{dot[0]:.1f} {dot[1]:.1f}L{place[0]:.1f} {place[1]:.1f}"
             drawn.insert(0, element("path", d=lead, class_="lead"))
         drawn.append(svg_text(place[0], place[1] + LETTER_HIGH / 3, name, "dot-name"))
@@ -185,7 +183,7 @@ def _names(x: Array, y: Array, radius: Array, numbers: NDArray[np.int64]) -> lis
 def place_apart(at: Array, radius: Array, names: Sequence[str]) -> Array:
     """Where the names of dots stand (k, 2), so that none covers another: those in the middle of a
     crowd move farthest out of it."""
-    box = np.array([[LETTER_WIDE * len(name) + 3, LETTER_HIGH] for name in names])
+    box = np.array([[5.6 * len(name) + 3, LETTER_HIGH] for name in names])
     crowd = at.mean(axis=0)
     order = np.argsort(-np.hypot(*(at - crowd).T), kind="stable")
     placed: list[int] = []
@@ -210,12 +208,6 @@ def _trials(dot: Array, radius: float) -> Iterator[Array]:
             yield dot + away * np.array([np.cos(turn), np.sin(turn)])
 
 
-WIDE, HIGH, LONG = 420.0, 340.0, 130.0
-VIEWS = 72
-"""Sides that the drawing is tried from, so that no axis points at the eye or hides another."""
-_ELEVATIONS_RAD = np.radians([20.0, 30.0, 40.0])
-
-
 def draw_axes(alpha_deg: float, beta_deg: float, gamma_deg: float) -> Markup:
     """Both sets of axes, and the arcs of R3(γ) R2(β) R3(α): about z, the new y, the newest z."""
     once = r3(np.radians(alpha_deg))
@@ -235,14 +227,15 @@ def draw_axes(alpha_deg: float, beta_deg: float, gamma_deg: float) -> Markup:
             parts += _axis(flat, axis, f"{name}{sign}", (f"{kind} line", kind), 1.1)
     parts.sort(key=lambda part: str(part).startswith("<text"))  # texts over all lines
     words = "Axes of the star sensor and of the magnetometer, and the three turns between them"
-    return svg(parts, "axes", WIDE, HIGH, words)
+    return svg(parts, "axes", words, 420.0)
 
 
 def _choose_view(axes: Array) -> Array:
-    """The projection (3, 2) in which the ends of axes (k, 3) and the middle lie farthest apart."""
+    """The projection (3, 2) in which the ends of axes (k, 3) and the middle lie farthest apart, so
+    that no axis points at the eye or hides another."""
     best, widest = np.zeros((3, 2)), -1.0
-    for turn in np.linspace(0, 2 * np.pi, VIEWS, endpoint=False):
-        for rise in _ELEVATIONS_RAD:
+    for turn in np.linspace(0, 2 * np.pi, 72, endpoint=False):
+        for rise in np.radians([20.0, 30.0, 40.0]):
             right = np.array([-np.sin(turn), np.cos(turn), 0.0])
             level = np.array([np.cos(turn), np.sin(turn), 0.0])
             up = np.array([0.0, 0.0, 1.0]) * np.cos(rise) - level * np.sin(rise)
@@ -257,7 +250,7 @@ def _choose_view(axes: Array) -> Array:
 
 def _place(flat: Array, vectors: Array) -> Array:
     """Places in the drawing (…, 2) of vectors (…, 3)."""
-    return np.asarray([WIDE / 2, HIGH / 2] + LONG * (vectors @ flat))
+    return np.asarray([210.0, 160.0] + RADIUS * (vectors @ flat))
 
 
 def _axis(

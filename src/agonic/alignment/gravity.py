@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.calibration import make_calibration, make_provenance
-from agonic.alignment.findings import report
+from agonic.alignment.findings import is_above, report, report_above
 from agonic.alignment.maths.columns import average, find_rows
 from agonic.alignment.maths.two_frames import (
     GROUPS,
@@ -48,10 +48,10 @@ from agonic.samples import Samples
 
 VERTICAL = GROUPS["pier"].stop - 1
 """Place of Z among the unknowns of vectors in two frames."""
-STARTS = 4
+MAX_STARTS = 4
 """Right angles that are started from, those by which the vertical field varies least: of 120
 random turns the first or second led to the best."""
-NOISE = 1e-3
+ASSUMED_NOISE = 1e-3
 """Share of the field by which steps are weighed; the noise itself follows from the residuals."""
 
 
@@ -79,14 +79,14 @@ def estimate(
     attitude, none = np.zeros((len(down), 3, 3)), np.zeros(len(down))
     attitude[:, :, 2] = down
     measured = Measured(
-        field / size, np.zeros_like(field), attitude, 0 * attitude, none + NOISE, none, down
+        field / size, np.zeros_like(field), attitude, 0 * attitude, none + ASSUMED_NOISE, none, down
     )
     prior = make_prior({"alignment", *(("bias",) if bias else ())})
     prior[VERTICAL] = 0.0
     vertical = (down @ right_angles() * field / size).sum(axis=-1)
     tried = (
         solve(measured, prior, (0.0, 0.0, float(vertical[k].mean())), right_angles()[k].T)
-        for k in np.argsort(vertical.var(axis=1))[:STARTS]
+        for k in np.argsort(vertical.var(axis=1))[:MAX_STARTS]
     )
     found = min(tried, key=lambda one: one.chi2)
     at, rotation = found.unknowns, found.unknowns.rot_mc.T
@@ -106,7 +106,7 @@ def estimate(
     onto[:3, GROUPS["alignment"]] = -rotation
     onto[3, VERTICAL] = size
     onto[4:, GROUPS["bias"]] = size * np.eye(3)
-    covariance = onto @ invert(found.information, prior) @ onto.T * variance / NOISE**2
+    covariance = onto @ invert(found.information, prior) @ onto.T * variance / ASSUMED_NOISE**2
     return GravityEstimate(
         rotation, z * size, at.bias * size, covariance, residuals * size, found.freedom
     )
@@ -166,16 +166,7 @@ class GravityFit(Judged):
 
 
 METHOD = ("kok-2016",)
-FEWEST = 6
-OPEN_DEG, LOOSE_DEG = 5.0, 1.0
-"""Standard errors of the turn above which it is not determined, and is worth a word."""
-MISFIT = 0.02
-"""Share of the field that the vertical component may scatter by."""
-ODD_GRAVITY = 0.03
-TURNED_DEG = 90.0
-"""A turn as large may stand for an axis of the wrong sign, with the field turned round."""
-EQUATOR_DEG = 25.0
-"""Beyond this latitude the field dips down in the north and up in the south everywhere."""
+MIN_ORIENTATIONS = 6
 
 
 def fit_gravity(
@@ -207,7 +198,7 @@ def fit_gravity(
         raise LogError(f"{samples.name} was logged without acceleration; record the accelerometer")
     field = correct_field(samples, calibration)
     down, means, gravity = _orientations(samples, samples.acceleration, field)
-    need = FEWEST + (3 if bias else 0)
+    need = MIN_ORIENTATIONS + (3 if bias else 0)
     if len(down) < need:
         raise LogError(
             f"{len(down)} orientations at rest were found and {need} are needed; hold the body "
@@ -267,23 +258,23 @@ def _examine(fit: GravityFit, latitude_deg: Array | None) -> Iterator[Finding]:
     if np.isfinite(turn).all():
         worst = np.linalg.eigh(turn)[1][:, -1]
         axis = f"({', '.join(f'{part:.2f}' for part in worst)}) of the accelerometer's axes"
-    undetermined = not fit.worst_sd_deg < OPEN_DEG
+    undetermined = is_above("turn undetermined", fit.worst_sd_deg)
     left = float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
-    if left > MISFIT:
+    if is_above("vertical varies", left):
         yield report("vertical varies", "refuse" if undetermined else "check", by=100 * left)
     elif undetermined:
         yield report("turn undetermined", n=fit.n, axis=axis)
-    elif fit.worst_sd_deg > LOOSE_DEG:
-        yield report("turn loose", axis=axis, sd=fit.worst_sd_deg)
+    else:
+        yield from report_above("turn loose", fit.worst_sd_deg, axis=axis, sd=fit.worst_sd_deg)
     uneven = float(np.ptp(fit.gravity) / fit.gravity.mean())
-    if uneven > ODD_GRAVITY:
-        yield report("uneven gravity", by=100 * uneven)
+    yield from report_above("uneven gravity", uneven, by=100 * uneven)
     # an axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
-    # where M mirrors, and the field then dips the other way; only the hemisphere shows it
+    # where M mirrors, and the field then dips the other way; only the hemisphere shows it: beyond
+    # 25° of latitude the field dips down in the north and up in the south everywhere
     dip = fit.inclination_deg
     north = float("nan") if latitude_deg is None else float(np.nanmedian(latitude_deg))
-    known = abs(north) > EQUATOR_DEG
-    wrong = dip * north < 0 if known else (dip < 0 and fit.angle_deg >= TURNED_DEG)
+    known = abs(north) > 25.0
+    wrong = dip * north < 0 if known else (dip < 0 and fit.angle_deg >= 90.0)
     if wrong:
         here = f"at latitude {north:.0f}° it does not" if known else "it does so in the south only"
         unknown = "" if known else ", or log latitude_deg if this is south of the magnetic equator"

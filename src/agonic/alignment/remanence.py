@@ -15,19 +15,14 @@ from agonic.alignment.session.observed import average_beside
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
 from agonic.health import Finding, Judged, figure
+from agonic.maths.estimation.noise.student import RARE
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Shown
 from agonic.samples import Samples
 from agonic.units import RAW
 
-FEWEST, FOR_TWICE = 6, 10
-"""Settings of the platform: for a magnet on it, and for what the field induces in it as well."""
-PARABOLA = 2
-"""Degree of the ambient field's drift without a reference."""
-WIDEST_GAP_DEG = 130.0
-SAME_DEG = 0.05
-FEWEST_RESTING = 5
-RARE = 1e-3
+MIN_SETTINGS, MIN_SETTINGS_FOR_TWICE = 6, 10
+"""Of the platform: for a magnet on it, and for what the field induces in it as well."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,15 +104,13 @@ def fit_remanence(
         raise UnitError("name the unit of the readings: the field of the platform is given in nT")
     visits, angle = _visit(samples)
     seen = average_beside(visits, samples, samples.field, reference)
-    drift = PARABOLA if samples.time is not None and seen.beside is None else 0
+    # a parabola of the ambient field, or the three components of the reference
+    drift = 2 if samples.time is not None and seen.beside is None else 0
     ambient = 3 if seen.beside is not None else drift
-    twice = len(visits) >= FOR_TWICE + ambient - PARABOLA
-    found = fit_harmonics(seen, np.radians(angle), drift, twice=twice)
-    covariance = found.covariance
-    if reference is None:  # the ambient field may go round by as much
-        unrest = _measure_unrest(samples, visits)[:, None, None] ** 2 * np.eye(2)
-        covariance = covariance + np.stack([unrest, unrest / 4])[: len(covariance)]
-    sizes = [compute_size(*both) for both in zip(found.parts, covariance, strict=True)]
+    twice = len(visits) >= MIN_SETTINGS_FOR_TWICE + ambient - 2
+    unrest = _measure_unrest(samples, visits) if reference is None else np.zeros(3)
+    found = fit_harmonics(seen, np.radians(angle), drift, unrest, twice=twice)
+    sizes = [compute_size(*both) for both in zip(found.parts, found.covariance, strict=True)]
     size, sd, chance = sizes[0]
     induced, induced_sd, induced_chance = sizes[1] if twice else (None, None, None)
     fit = RemanenceFit(
@@ -126,7 +119,7 @@ def fit_remanence(
         angle_deg=angle,
         field=found.shape + found.residuals,
         noise=found.noise,
-        harmonics=found._replace(covariance=covariance),
+        harmonics=found,
         magnitude=float(np.linalg.norm(samples.field, axis=1).mean()),
         size=size,
         sd=sd,
@@ -146,12 +139,12 @@ def _visit(samples: Samples) -> tuple[list[Index], Array]:
             "to which it was turned"
         )
     heading = np.radians(samples.heading_deg)
-    moved = np.abs(np.degrees(np.angle(np.exp(1j * np.diff(heading))))) > SAME_DEG
+    moved = np.abs(np.degrees(np.angle(np.exp(1j * np.diff(heading))))) > 0.05
     visits = split(moved)
     angle = [np.degrees(np.angle(np.exp(1j * heading[rows]).mean())) % 360 for rows in visits]
     apart = np.unique(np.round(angle, 1))
     gaps = np.diff(np.append(apart, apart[0] + 360.0))
-    if len(visits) < FEWEST or len(apart) < 4 or gaps.max() > WIDEST_GAP_DEG:
+    if len(visits) < MIN_SETTINGS or len(apart) < 4 or gaps.max() > 130.0:
         raise LogError(
             f"{len(visits)} settings of the platform at {len(apart)} angles leave "
             f"{gaps.max():.0f}° of the circle empty; turn it in steps of 45° or less all round, "
@@ -164,7 +157,7 @@ def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
     """By how much the ambient field may go round in the time of the turn, nT on each axis. While
     the platform rests only the ambient field moves: by its rates, less their noise and a
     parabola's, an oscillation of the turn's period T has the amplitude √2 rate T / 2π."""
-    if samples.time is None or min(len(rows) for rows in visits) < FEWEST_RESTING:
+    if samples.time is None or min(len(rows) for rows in visits) < 5:
         return np.zeros(3)
     rates, variances, middles = [], [], []
     for rows in visits:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +12,7 @@ from agonic.errors import AgonicError, check_choice
 
 if TYPE_CHECKING:
     from agonic.alignment.direction.follow import Follower
-    from agonic.alignment.session.session import Site, StarReadings
+    from agonic.alignment.session.session import Site
 
 Effect = Annotated[
     str, typer.Option(metavar="EFFECT", help="In the attitudes: present or removed.")
@@ -65,7 +63,7 @@ def direction(
     from agonic.alignment.direction.follow import Follower
     from agonic.alignment.direction.result import describe_direction
     from agonic.alignment.files.sessions import SESSION, read_session
-    from agonic.alignment.files.tables import read_stars, state_errors, write_direction
+    from agonic.alignment.files.tables import read_stars, write_direction
     from agonic.calibration.steps import require_calibration
     from agonic.console.finish import finish, require_table
     from agonic.console.sensors import open_sensor
@@ -73,10 +71,8 @@ def direction(
 
     known = require_calibration(load(alignment))
 
-    def complete(read: StarReadings) -> StarReadings:
-        return replace(state_errors(read, across, about), **starlight)
-
-    starlight: dict[str, Any] = {"refraction": refraction, "aberration": aberration}
+    stated: dict[str, Any] = {"turns": turns, "errors": (across, about), "numbered": False}
+    stated |= {"refraction": refraction, "aberration": aberration}
     check_choice("turns", turns, ("ci", "ic"))
     if (across is None) != (about is None):
         raise AgonicError("--across and --about go together")
@@ -84,7 +80,7 @@ def direction(
         if log is not None or out is not None or report is not None:
             raise AgonicError("--live writes lines of JSON: leave LOG, -o and --report out")
         follower = Follower(known, _make_site(at), noise=noise, gap_s=gap, wait_s=wait)
-        return _follow(follower, live, stars, turns, complete, which)
+        return _follow(follower, live, stars, stated, which)
     if log is None or out is None:
         raise AgonicError("needed are LOG and -o OUT, or --live SOURCE")
     require_table(out)
@@ -99,7 +95,7 @@ def direction(
             raise AgonicError(
                 f"{samples.name} has no attitudes of a star sensor: give its table with --stars"
             )
-        attitudes = complete(read_stars(Path(stars), turns, numbered=False))  # type: ignore[arg-type]
+        attitudes = read_stars(Path(stars), **stated)
     found = field_direction(known, samples, attitudes, site, noise=noise, gap_s=gap)
     files = [write_direction(found, out)]
     made = describe_direction(found, (samples.source, *known.provenance.inputs))
@@ -121,8 +117,7 @@ def _follow(
     follower: Follower,
     live: str,
     stars: str | None,
-    turns: str,
-    complete: Callable[[StarReadings], StarReadings],
+    stated: dict[str, Any],
     which: SensorChoice,
 ) -> int:
     """The direction of readings as they come; attitudes from there, or a source of their own."""
@@ -132,8 +127,7 @@ def _follow(
 
     sources = [open_source(live, unit=which.unit, mark=MARK if stars is None else None)]
     if stars is not None and Path(stars).is_file():
-        follower.add(complete(read_stars(Path(stars), turns, numbered=False)))  # type: ignore[arg-type]
+        follower.add(read_stars(Path(stars), **stated))
     elif stars is not None:
         sources.append(open_source(stars, mark=""))
-    lines = StarLines(turns, complete)  # type: ignore[arg-type]
-    return follow_live(follower, sources, lines, which.sensor)
+    return follow_live(follower, sources, StarLines(stated), which.sensor)

@@ -5,20 +5,20 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Event as Flag
 from threading import Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from agonic.alignment.direction.follow import Follower
 from agonic.alignment.direction.result import FieldDirection
-from agonic.alignment.files.tables import QUATERNION, SDS, TIMES, Table, Turns, parse_stars
+from agonic.alignment.files.tables import QUATERNION, SDS, TIMES, Table, parse_stars
 from agonic.alignment.session.session import StarReadings
 from agonic.errors import AgonicError
 from agonic.live.streams import Chunk, Notice, Source, Words
@@ -38,10 +38,11 @@ _HEADER = ["unix_s", *QUATERNION, *SDS]
 
 
 class StarLines:
-    """Lines of a star sensor's table, its header first; without one the columns are `_HEADER`."""
+    """Lines of a star sensor's table, its header first; without one the columns are `_HEADER`. What
+    is `stated` of the table is what `parse_stars` takes."""
 
-    def __init__(self, turns: Turns, complete: Callable[[StarReadings], StarReadings]) -> None:
-        self._turns, self._complete = turns, complete
+    def __init__(self, stated: Mapping[str, Any]) -> None:
+        self._stated = stated
         self._headers: dict[str, list[str]] = {}
 
     def read(self, words: Words) -> Iterator[StarReadings | str]:
@@ -57,7 +58,7 @@ class StarLines:
                     raise AgonicError(f"{len(cells)} cells under {', '.join(header)}")
                 columns = {name: [cell] for name, cell in zip(header, cells, strict=True)}
                 table = Table(columns, Path("attitudes"))
-                yield self._complete(parse_stars(table, self._turns, numbered=False))
+                yield parse_stars(table, **self._stated)
             except AgonicError as error:
                 yield f"an attitude was left out: {error}"
 

@@ -160,6 +160,8 @@ def describe_plan(plan: Placement, source: Input | None = None) -> Document:
     """Of a list of parts: the best places, what to expect there, and a picture."""
     alone, _, _, mixed, mean = plan.compasses
     together = ", once each is calibrated" if plan.ensemble.calibrated else ""
+    varied = any(np.ptp(drawn, axis=0).any() for drawn in plan.ensemble.vehicles[:-1])
+    alike = "No part has a standard deviation: the errors here are those of mounting alone."
     return Document(
         schema="agonic/plan-placement@1",
         kind="Places for magnetometers",
@@ -182,7 +184,7 @@ def describe_plan(plan: Placement, source: Input | None = None) -> Document:
             list_inputs(source, method=("hanson-hirshman-2002", "nga-2004")),
         ],
         styles=["contours.css"],
-        remarks=_remark(plan),
+        remarks=() if varied else (alike,),
         values={**make_record(plan), "terms": [*LEVEL, *HEEL], "currents": [*plan.layout.currents]},
     )
 
@@ -231,11 +233,3 @@ def _list_sources(plan: Placement) -> Table:
         sizes = (float(np.linalg.norm(v)) for v in (a, b, a - plan.mix @ (b - a)))
         rows.append([part.name, *(quantity(size, "nT") for size in sizes)])
     return Table(("Source", "At the first", "At the second", "In the mix"), rows)
-
-
-def _remark(plan: Placement) -> list[str]:
-    """What the numbers do not hold."""
-    *parts, _ = plan.ensemble.vehicles
-    if any(np.ptp(drawn, axis=0).any() for drawn in parts):
-        return []
-    return ["No part has a standard deviation: the errors here are those of mounting alone."]

@@ -21,7 +21,6 @@ from agonic.samples import Samples
 
 STILL_DEG = 1.0
 """How far the attitude may go in a recording of a vehicle that is strapped down."""
-FEWEST = 50
 COLUMNS = ("place", "add_x_nT", "add_y_nT", "add_z_nT")
 
 
@@ -102,7 +101,7 @@ def judge_recording(samples: Samples, horizontal: float = 20_000.0) -> Mix:
     """The best mix of the two sensors of a recording of a vehicle that stands strapped down."""
     if samples.second is None:
         raise LogError(f"{samples.name} has no second magnetometer beside it; log both")
-    if len(samples) < FEWEST:
+    if len(samples) < 50:
         raise LogError(f"{len(samples)} readings are too few; record a minute while all switches")
     for name in ("roll_deg", "pitch_deg"):
         angle = getattr(samples, name)

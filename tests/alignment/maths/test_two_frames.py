@@ -21,7 +21,9 @@ def measure(rng: np.random.Generator, count: int, noise: float = 1.0) -> Measure
 def test_the_jacobian() -> None:
     rng = np.random.default_rng(0)
     measured = measure(rng, 5)
-    at = kernel.start_unknowns((4.0, -3.0, 2.0)).add_step(0.1 * rng.standard_normal(SIZE))
+    at = kernel.Unknowns(offset=np.array([4.0, -3.0, 2.0])).add_step(
+        0.1 * rng.standard_normal(SIZE)
+    )
     _, jacobian = kernel.compute_residual(at, measured)
     for k in range(SIZE):
         step = np.zeros(SIZE)

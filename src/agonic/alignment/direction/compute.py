@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -20,12 +18,8 @@ from agonic.maths.rotations.frames import rot_en
 from agonic.maths.rotations.vectors import skew
 from agonic.samples import Samples
 
-_CURVED = 9.0
-"""How many times its own variance a second difference must exceed to be no noise."""
 SAME_MOMENT_S = 1e-6
 """Times that differ by less are one: tables are written to a microsecond."""
-_GAPS = 5.0
-"""Attitudes further apart than so many times their usual interval are not joined."""
 
 
 def field_direction(
@@ -161,10 +155,10 @@ def require_covariance(stars: StarReadings) -> Array:
 
 
 def choose_gap(stars: StarReadings) -> float:
-    """Several times the usual interval of the attitudes within an orientation, s."""
+    """Five times the usual interval of the attitudes within an orientation, s."""
     same = np.diff(stars.orientation) == 0
     steps = np.diff(stars.time)[same]
-    return _GAPS * float(np.median(steps)) if len(steps) else np.inf
+    return 5.0 * float(np.median(steps)) if len(steps) else np.inf
 
 
 def _correct(known: AnyCalibration, samples: Samples) -> tuple[Array, Array, tuple[str, ...]]:
@@ -196,18 +190,11 @@ def _turn_covariance(rotation: Array, covariance: Array) -> Array:
     return np.asarray(rotation @ covariance @ np.swapaxes(rotation, 1, 2))
 
 
-class Between(NamedTuple):
-    """Attitudes at the moments of `rows`: matrices (k, 3, 3) and covariances (k, 3, 3), rad²."""
-
-    rows: Index
-    rotation: Array
-    covariance: Array
-
-
 def interpolate_attitudes(
     moments: Array, time: Array, rotation: Array, covariance: Array, number: Index, gap_s: float
-) -> Between:
-    """Attitudes at moments (n,) from those read at times (m,), in order.
+) -> tuple[Index, Array, Array]:
+    """Attitudes at moments (n,) from those read at times (m,), in order: the rows of the moments
+    (k,) that have one, matrices (k, 3, 3) and covariances (k, 3, 3), rad².
 
         R(t) = exp(s θ) R₀,   θ = log(R₁ R₀ᵀ),   s = (t − t₀) / (t₁ − t₀)        (slerp)
         C(t) = (1 − s)² C₀ + s² C₁ + (s(1 − s)/2)² d dᵀ
@@ -233,7 +220,7 @@ def interpolate_attitudes(
     s = share[:, :, None]
     spread = (1 - s) ** 2 * covariance[left] + s**2 * covariance[right]
     bend = (s * (1 - s) / 2) * change[:, :, None]
-    return Between(rows, attitude, spread + bend @ np.swapaxes(bend, 1, 2))
+    return rows, attitude, spread + bend @ np.swapaxes(bend, 1, 2)
 
 
 def are_joined(time: Array, number: Index, gap_s: float) -> Mask:
@@ -255,8 +242,8 @@ def find_neighbours(
 
 def _second_differences(turn: Array, time: Array, covariance: Array, joined: Mask) -> Array:
     """By how much the turn of each interval differs from its joined neighbours' (m − 1, 3), rad.
-    Differences that the attitudes' own noise explains are zero: for equal steps their variance is
-    that of R₀ − 2R₁ + R₂, six times one attitude's."""
+    Differences within three standard deviations of the attitudes' own noise are zero: for equal
+    steps their variance is that of R₀ − 2R₁ + R₂, six times one attitude's."""
     step = np.diff(time)[:, None]
     rate = turn / step
     change = np.zeros_like(turn)
@@ -265,4 +252,4 @@ def _second_differences(turn: Array, time: Array, covariance: Array, joined: Mas
     change[1:] = difference
     change[:-1] = np.maximum(change[:-1], difference)
     noise = 6 * np.diagonal(covariance, axis1=1, axis2=2)
-    return np.where(change**2 > _CURVED * np.maximum(noise[:-1], noise[1:]), change, 0.0)
+    return np.where(change**2 > 9.0 * np.maximum(noise[:-1], noise[1:]), change, 0.0)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -83,7 +81,11 @@ class Follower:
             if isinstance(one, Samples):
                 self._waiting = one if self._waiting is None else _join(self._waiting, one)
             else:
-                self._stars = _merge(self._stars, one)
+                require_covariance(one)
+                found = one if self._stars is None else one.join(self._stars)
+                order = np.argsort(found.time, kind="stable")  # one that came twice counts once
+                new = np.diff(found.time[order], prepend=-np.inf) > SAME_MOMENT_S
+                self._stars = found.select(order[new])
 
     def take(self) -> FieldDirection | None:
         """The direction at the readings that are ready now; `None` where none is."""
@@ -156,18 +158,6 @@ def follow_direction(
             yield found
     if (found := follower.finish()) is not None:
         yield found
-
-
-def _merge(before: StarReadings | None, after: StarReadings) -> StarReadings:
-    """Attitudes with others in the order of time; one that came twice counts once."""
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name) for one in (before, after) if one is not None])
-        for name in ("time", "orientation", "rot_ci")
-    }
-    both = [require_covariance(one) for one in (before, after) if one is not None]
-    found = replace(after, **joined, covariance=np.concatenate(both))
-    order = np.argsort(found.time, kind="stable")
-    return found.select(order[np.r_[True, np.diff(found.time[order]) > SAME_MOMENT_S]])
 
 
 def _join(before: Samples, after: Samples) -> Samples:

@@ -6,7 +6,7 @@ that holds it, so that reading and writing are each one loop over the table.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -187,7 +187,7 @@ AXES = {
 """From the axes of the reference to north, east, down."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Description:
     """A description as it was read: what stands before its sections, and each section. `parts` are
     None where a section is missing or wrong; every mistake is in `mistakes`, to which further
@@ -250,28 +250,31 @@ def read_description(path: Path | str, name: str) -> Description:
     plain = {key: value for key, value in table.items() if key not in known}
     head = read_section(plain, _structure(kind.find_keys("")), "the file", mistakes, known)
     parts = {
-        section: read_section(
-            table.get(section), _structure(SECTIONS[section]), f"[{section}]", mistakes
-        )
-        for section in kind.sections
+        one: read_section(table.get(one), _structure(SECTIONS[one]), f"[{one}]", mistakes)
+        for one in kind.sections
     }
     repeated: dict[str, list[Any]] = {one: [] for one in kind.repeated}
-    for one in kind.repeated:
+    for one, several in repeated.items():
         stated, keys = table.get(one, []), _structure(SECTIONS[f"[{one}]"])
         if not isinstance(stated, list):
             mistakes.append(f"{one}s are written [[{one}]], once for each")
             continue
-        read = (
-            read_section(each, keys, f"[[{one}]] {number}", mistakes)
-            for number, each in enumerate(stated, start=1)
-        )
-        repeated[one] = [part for part in read if part is not None]
+        for number, each in enumerate(stated, start=1):
+            part = read_section(each, keys, f"[[{one}]] {number}", mistakes)
+            several += [] if part is None else [part]
     mistakes += [f"there is no section [{key}]" for key in kind.needed if key not in table]
     mistakes += [
         f"[{one}]: there is no file {part.file} in {file.parent}"
         for one, part in parts.items()
         if hasattr(part, "file") and not (file.parent / part.file).is_file()
     ]
+    mistakes += _list_wrong_errors(kind, parts)
+    given_parts = _list_given(kind, head, parts, mistakes)
+    return Description(file, head, parts, repeated, given_parts, mistakes)
+
+
+def _list_wrong_errors(kind: Kind, parts: Mapping[str, Any]) -> Iterator[str]:
+    """Standard deviations that cannot be."""
     wanted = "must not be below 0" if kind.zero else "must be above 0, or left out"
     for one, part in parts.items():
         for key in () if part is None else part.__struct_fields__:
@@ -279,15 +282,7 @@ def read_description(path: Path | str, name: str) -> Description:
             error = "_sd" in key or key.startswith(("sd_", "noise"))
             numeric = isinstance(value, float | int)
             if error and numeric and not (value >= 0 if kind.zero else value > 0):
-                mistakes.append(f"[{one}] {key} is {value:g}; it {wanted}")
-    return Description(
-        file=file,
-        head=head,
-        parts=parts,
-        repeated=repeated,
-        given=_list_given(kind, head, parts, mistakes),
-        mistakes=mistakes,
-    )
+                yield f"[{one}] {key} is {value:g}; it {wanted}"
 
 
 def _structure(keys: Keys) -> type[Struct]:

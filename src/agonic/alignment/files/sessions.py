@@ -15,10 +15,8 @@ from agonic.alignment.files.tables import (
     GON_DEG,
     format_stars,
     format_table,
-    make_diagonal,
     read_stars,
     read_table,
-    state_errors,
 )
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import (
@@ -37,6 +35,7 @@ from agonic.alignment.session.session import (
     StarReadings,
     check_session,
     compute_unix_s,
+    make_diagonal,
 )
 from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
@@ -91,11 +90,11 @@ def read_session(path: Path | str) -> Session:
         description.mistakes.append("[star] across_sd_arcsec and about_sd_arcsec go together")
     description.require()
     scale = description.head.time_scale
-    star = read_stars(description.find(part.file), part.turns)
+    errors = (part.across_sd_arcsec, part.about_sd_arcsec)
+    stated = description.given["star"]
+    star = read_stars(description.find(part.file), part.turns, errors=errors, **stated)
     description.add_source(part.file, len(star))
-    star = state_errors(star, part.across_sd_arcsec, part.about_sd_arcsec)
-    in_utc = star.time - _ahead_s(star.time, scale)
-    star = replace(star, time=in_utc, **description.given["star"])
+    star = replace(star, time=star.time - _ahead_s(star.time, scale))
     made = {**description.given, **_read_instruments(description), "star": star}
     for name in ("magnetometer", "reference"):
         ahead = float(_ahead_s(compute_unix_s(made[name])[:1], scale)[0])

@@ -14,17 +14,17 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.direction.result import FieldDirection
-from agonic.alignment.session.session import StarReadings
+from agonic.alignment.session.session import NOT_UNIT, StarReadings, make_diagonal
 from agonic.arrays import Array
 from agonic.atomic import write_atomically
 from agonic.errors import LogError
@@ -118,25 +118,32 @@ ANGLES = ("ra_deg", "dec_deg", "rot_deg")
 QUATERNION = ("quat_w", "quat_x", "quat_y", "quat_z")
 SDS = ("across_sd_arcsec", "about_sd_arcsec")
 COVARIANCE = tuple(f"cov_{pair}_arcsec2" for pair in ("xx", "yy", "zz", "xy", "xz", "yz"))
-_LENGTH = 1e-3
-"""How far a unit quaternion's length may be from one."""
 
 
-def read_stars(path: Path, turns: Turns = "ci", *, numbered: bool = True) -> StarReadings:
-    """The attitudes in a table, times as they stand there. `turns` says what a quaternion does to
-    components: "ci" takes inertial ones into the star sensor's, "ic" the other way. A table that is
-    not `numbered` may lack the orientations: then the platform moved, and all rows are one. Raises
-    `LogError` naming the row or the columns that are missing."""
-    return parse_stars(read_table(path, "a CSV table of attitudes"), turns, numbered=numbered)
+def read_stars(path: Path, turns: Turns = "ci", **stated: Any) -> StarReadings:
+    """The attitudes in a table, times as they stand there. Raises `LogError` naming the row or the
+    columns that are missing."""
+    return parse_stars(read_table(path, "a CSV table of attitudes"), turns, **stated)
 
 
-def parse_stars(table: Table, turns: Turns, *, numbered: bool) -> StarReadings:
-    """The attitudes in a table that was read, as `read_stars` has them."""
+def parse_stars(
+    table: Table,
+    turns: Turns = "ci",
+    *,
+    errors: tuple[float | None, float | None] = (None, None),
+    numbered: bool = True,
+    **stated: Any,
+) -> StarReadings:
+    """The attitudes in a table that was read, with what else is `stated` of them. `turns` says what
+    a quaternion does to components: "ci" takes inertial ones into the star sensor's, "ic" the other
+    way; `errors` the standard deviations across and about the boresight where the table has none. A
+    table that is not `numbered` may lack the orientations: all rows are then one."""
     return StarReadings(
         time=_times(table),
         orientation=_orientations(table, numbered),
         rot_ci=_attitudes(table, turns),
-        covariance=_covariances(table),
+        covariance=_covariances(table, errors),
+        **stated,
     )
 
 
@@ -176,7 +183,7 @@ def _attitudes(table: Table, turns: Turns) -> Array:
         quaternions = np.stack([x, y, z, w], axis=1)
         length = np.linalg.norm(quaternions, axis=1)
         off = int(np.abs(length - 1).argmax())
-        if abs(length[off] - 1) > _LENGTH:
+        if abs(length[off] - 1) > NOT_UNIT:
             raise table.wrong(f"the quaternion has the length {length[off]:.4g}, not 1", off)
         turned = Rotation.from_quat(quaternions)
         return np.asarray((turned if turns == "ci" else turned.inv()).as_matrix())
@@ -193,31 +200,17 @@ def _attitudes(table: Table, turns: Turns) -> Array:
     return rot_ci(ra, dec, rot)
 
 
-def _covariances(table: Table) -> Array | None:
-    """Covariances (n, 3, 3), rad², or `None` where the table has none."""
+def _covariances(table: Table, errors: tuple[float | None, float | None]) -> Array | None:
+    """Covariances (n, 3, 3), rad², or `None` where neither the table nor anybody states them."""
     if all(name in table for name in COVARIANCE):
         six = np.stack([table.read_numbers(name) for name in COVARIANCE], axis=-1)
         return unpack_symmetric(six) * ARCSEC_RAD**2
     if all(name in table for name in SDS):
         across, about = (table.read_numbers(name) for name in SDS)
         return make_diagonal(across, about)
-    return None
-
-
-def make_diagonal(across_sd_arcsec: ArrayLike, about_sd_arcsec: ArrayLike) -> Array:
-    """Covariances (…, 3, 3), rad², of standard deviations across and about the boresight."""
-    variance = np.stack([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec], axis=-1) ** 2
-    return np.asarray(variance[..., None] * np.eye(3) * ARCSEC_RAD**2)
-
-
-def state_errors(
-    read: StarReadings, across_sd_arcsec: float | None, about_sd_arcsec: float | None
-) -> StarReadings:
-    """Attitudes with standard deviations for all alike, where their table states none."""
-    if read.covariance is not None or across_sd_arcsec is None or about_sd_arcsec is None:
-        return read
-    covariance = make_diagonal(across_sd_arcsec, about_sd_arcsec)
-    return replace(read, covariance=np.broadcast_to(covariance, read.rot_ci.shape))
+    if errors[0] is None or errors[1] is None:
+        return None
+    return np.broadcast_to(make_diagonal(errors[0], errors[1]), (len(table), 3, 3))
 
 
 def format_stars(star: StarReadings) -> str:

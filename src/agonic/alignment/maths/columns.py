@@ -232,12 +232,15 @@ class Harmonics(NamedTuple):
     noise: Array
 
 
-def fit_harmonics(seen: Stretches, angle_rad: Array, drift: int, *, twice: bool) -> Harmonics:
+def fit_harmonics(
+    seen: Stretches, angle_rad: Array, drift: int, unrest: Array, *, twice: bool
+) -> Harmonics:
     """field = c0 + c1 cos ψ + s1 sin ψ (+ c2 cos 2ψ + s2 sin 2ψ) + what changes beside it.
 
     A magnet on the platform goes round once in a turn, what the ambient field magnetizes in it
-    twice; that field follows a `drift` of some degree, or the reference. Covariances are widened
-    where residuals are larger than the noise within the settings at angles (k,)."""
+    twice; that field follows a `drift` of some degree, or the reference, and may go round itself by
+    `unrest` (3,), half of it twice. Covariances are widened where residuals are larger than the
+    noise within the settings at angles (k,)."""
     turns = np.multiply.outer([1, 2] if twice else [1], angle_rad)
     columns = np.stack([np.cos(turns), np.sin(turns)], axis=1).reshape(-1, len(angle_rad)).T
     found = fit_columns(seen, columns, drift)
@@ -247,9 +250,11 @@ def fit_harmonics(seen: Stretches, angle_rad: Array, drift: int, *, twice: bool)
     chi2 = float((found.residuals**2 / variance).sum())
     wide = max(chi2 / max(3 * found.freedom, 1), 1.0)
     each = [found.spread[k : k + 2, k : k + 2] for k in range(0, 2 * len(turns), 2)]
+    itself = np.multiply.outer([1, 1 / 4][: len(turns)], unrest**2)
     return Harmonics(
         parts=found.coefficients.reshape(-1, 2, 3),
-        covariance=np.stack(each)[:, None] * (wide * variance)[:, None, None],
+        covariance=np.stack(each)[:, None] * (wide * variance)[:, None, None]
+        + itself[:, :, None, None] * np.eye(2),
         shape=columns @ found.coefficients,
         residuals=found.residuals / seen.weight,
         noise=sd / np.sqrt(seen.counts)[:, None],

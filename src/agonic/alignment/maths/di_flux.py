@@ -92,23 +92,17 @@ def estimate(
         values, jacobian = predict(params, mean)
         return [((values - mean.reading) / unit, jacobian[:, free] / unit)]
 
-    mean = _means(at, groups)
-    solution = leastsq.solve(pieces, np.zeros(int(free.sum())), scale=1e-5, tolerance=1e-8)
+    # circles and fluxgate move by so little within a setting that means are exact
+    rows = find_rows(groups, np.unique(groups))
+    horizontal, zenith, reading = (average(column, rows) for column in at[:3])
+    mean = Settings(horizontal, zenith, reading, at.from_meridian[[own[0] for own in rows]])
+    solution = leastsq.solve(pieces, np.zeros(int(free.sum())), scale=LEAST_RAD, tolerance=1e-8)
     params = start.copy()
     params[free] += solution.params
-    residuals, jacobian = pieces(solution.params)[0]
-    freedom = len(residuals) - int(free.sum())
-    noise = float(np.sqrt(residuals @ residuals / freedom)) if freedom > 0 else float("nan")
+    left = solution.residuals
+    freedom = len(left) - int(free.sum())
+    noise = float(np.sqrt(left @ left / freedom)) if freedom > 0 else float("nan")
     covariance = np.zeros((len(NAMES), len(NAMES)))
-    variance = (max(noise, LEAST_RAD) * compute_widening(freedom)) ** 2
-    covariance[np.ix_(free, free)] = variance * leastsq.inverse(jacobian.T @ jacobian)
-    return SheetEstimate(params, covariance, residuals * unit, freedom, noise * unit)
-
-
-def _means(at: Settings, groups: NDArray[np.int64]) -> Settings:
-    """One reading a setting: circles and fluxgate move by so little that means are exact."""
-    rows = find_rows(groups, np.unique(groups))
-    horizontal, zenith, reading = (
-        average(column, rows) for column in (at.horizontal, at.zenith, at.reading)
-    )
-    return Settings(horizontal, zenith, reading, at.from_meridian[[own[0] for own in rows]])
+    wide = (max(noise / LEAST_RAD, 1.0) * compute_widening(freedom)) ** 2
+    covariance[np.ix_(free, free)] = wide * leastsq.inverse(solution.information)
+    return SheetEstimate(params, covariance, left * unit, freedom, noise * unit)

@@ -21,15 +21,11 @@ from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.estimation.noise.student import compute_widening, exceed_stated
 from agonic.readable import Shown
 
-FOUR = 4
-"""Turning points that show a drift, where one's noise is known, but no bend of the decay."""
-_SCHULER = np.array([0.25, 0.5, 0.25])
-
 
 def compute_schuler_means(turning: Array) -> Array:
     """N_i = (u_i + 2 u_{i+1} + u_{i+2})/4 of turning points (n,), (n − 2,). Free of the amplitude
     and, to first order, of its decay."""
-    return np.convolve(turning, _SCHULER, mode="valid")
+    return np.convolve(turning, [0.25, 0.5, 0.25], mode="valid")
 
 
 def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
@@ -38,28 +34,19 @@ def fit_reversals(turning: Array, reading_sd: float | None = None) -> North:
     centres them, E Σ(N_i − N̄)² = σ² tr(QMMᵀ), and N̄ = wᵀu has the variance σ² wᵀw. With a single
     mean, or a `reading_sd` that is stated, σ is that, unless the turning points scatter by more
     about u_i = N + (−1)ⁱ (a + b i)."""
-    n, means = len(turning), compute_schuler_means(turning)
-    m = len(means)
-    onto = np.stack([np.convolve(row, _SCHULER, mode="valid") for row in np.eye(n)], axis=1)
-    weight = onto.mean(axis=0)
-    centred = onto - weight
-    variance = (
-        reading_sd**2
-        if reading_sd
-        else float(((means - means.mean()) ** 2).sum() / (centred**2).sum())
-        * compute_widening(m - 1) ** 2
-        if m > 1
-        else np.nan
-    )
-    excess = 1.0
+    n = len(turning)
+    onto = np.stack([compute_schuler_means(row) for row in np.eye(n)], axis=1)
+    means, weight = onto @ turning, onto.mean(axis=0)
+    freedom, excess, noise = len(means) - 1, 1.0, reading_sd or float("nan")
     if reading_sd:
         sign, step = (-1.0) ** np.arange(n), np.arange(n) - (n - 1) / 2
-        excess = regress(
-            np.stack([np.ones(n), sign, sign * step], axis=1), turning, reading_sd
-        ).excess
-    sd = excess * float(np.sqrt(variance * (weight @ weight)))
-    drift = _fit_drift(turning, reading_sd)
-    return North(float(means.mean()), sd, m - 1, excess, *drift)
+        line = regress(np.stack([np.ones(n), sign, sign * step], axis=1), turning, reading_sd)
+        excess = line.excess
+    elif freedom:
+        spread = float(((means - means.mean()) ** 2).sum() / ((onto - weight) ** 2).sum())
+        noise = float(np.sqrt(spread)) * compute_widening(freedom)
+    sd = excess * noise * float(np.sqrt(weight @ weight))
+    return North(float(means.mean()), sd, freedom, excess, *_fit_drift(turning, reading_sd))
 
 
 def _fit_drift(turning: Array, reading_sd: float | None) -> tuple[float, float]:
@@ -71,7 +58,7 @@ def _fit_drift(turning: Array, reading_sd: float | None) -> tuple[float, float]:
     along = np.linspace(-0.5, 0.5, n)
     sign = (-1.0) ** np.arange(n)
     design = np.stack([np.ones(n), sign, sign * along, along], axis=1)
-    if n == FOUR:
+    if n == 4:
         _, a, b, _ = np.linalg.solve(design, turning)
         turning = turning - sign * along**2 * (b * b / (2 * a) if a else 0.0)
     else:
@@ -80,10 +67,6 @@ def _fit_drift(turning: Array, reading_sd: float | None) -> tuple[float, float]:
         return 0.0, float("inf")
     line = regress(design, turning, reading_sd)
     return float(line.found[3]), float(np.sqrt(line.covariance[3, 3]))
-
-
-_GRID, _PERIODS = 400, 0.4
-"""Frequencies tried for a start, from so many periods in the record on."""
 
 
 class North(NamedTuple):
@@ -120,21 +103,23 @@ class Swing(NamedTuple):
 
 
 class Regression(NamedTuple):
-    """Coefficients (c,) with covariance (c, c), and how the readings scatter about the line.
-    `excess` is how many times the stated noise they do, 1 where chance explains it."""
+    """Coefficients (c,) with covariance (c, c), and what is `left` of the readings (n,). `excess`
+    is how many times the stated noise they scatter, 1 where chance explains it."""
 
     found: Array
     covariance: Array
     freedom: int
     excess: float
+    left: Array
 
 
 def regress(design: Array, values: Array, stated_sd: float | Array | None = None) -> Regression:
     """Least squares of values (n,) on a design (n, c), their noise as stated or by what is left.
     The stated noise is widened where the values scatter by more; without one it is that of the
     residuals by Student's t, NaN where nothing is left for it."""
-    inverse = leastsq.inverse(design.T @ design)
-    found, *_ = np.linalg.lstsq(design, values, rcond=None)
+    size = np.linalg.norm(design, axis=0)
+    inverse = leastsq.inverse((design / size).T @ (design / size)) / np.outer(size, size)
+    found = np.linalg.lstsq(design / size, values, rcond=None)[0] / size
     left, freedom = values - design @ found, len(values) - design.shape[1]
     excess, noise = 1.0, float("nan")
     if stated_sd is not None:
@@ -143,7 +128,7 @@ def regress(design: Array, values: Array, stated_sd: float | Array | None = None
         noise = excess * float(np.sqrt((stated**2).mean()))
     elif freedom > 0:
         noise = float(np.sqrt(left @ left / freedom)) * compute_widening(freedom)
-    return Regression(np.asarray(found, dtype=np.float64), noise**2 * inverse, freedom, excess)
+    return Regression(found, noise**2 * inverse, freedom, excess, left)
 
 
 def fit_transits(
@@ -182,35 +167,25 @@ def fit_swing(time_s: Array, reading_deg: Array, reading_sd: float | None = None
     scale = reading_sd or max(float(np.std(reading_deg)), 1e-9) * 1e-2
     first = leastsq.solve(lambda p: [pieces(p)], start, scale=scale, tolerance=1e-6)
     freedom = max(len(since) - len(start), 1)
-    noise = reading_sd or max(float(np.sqrt((first.residuals**2).sum() / freedom)), 1e-12)
     squares = float(first.residuals @ first.residuals)
     excess = exceed_stated(squares, freedom, reading_sd) if reading_sd else 1.0
-    noise *= excess
+    noise = excess * (reading_sd or max(float(np.sqrt(squares / freedom)), 1e-12))
     correlation = correlation_length(first.residuals, np.ones(len(since)))
     _, jacobian = pieces(first.params)
     covariance = noise**2 * correlation * leastsq.inverse(jacobian.T @ jacobian)
+    drift = _drift(since, first.residuals, jacobian) if first.converged else ()
     sd = float(np.sqrt(covariance[0, 0]))
-    north = North(float(first.params[0]), sd, len(since) - len(start), excess)
-    if first.converged:
-        drift, drift_sd = _drift(since, first.residuals, jacobian)
-        north = north._replace(drift_deg=drift, drift_sd_deg=drift_sd)
-    found = first.params, covariance, first.residuals, float(noise)
+    north = North(float(first.params[0]), sd, len(since) - len(start), excess, *drift)
+    found = first.params, covariance, first.residuals, noise
     return Swing(*found, correlation, first.converged, north)
 
 
 def _drift(since: Array, residuals: Array, jacobian: Array) -> tuple[float, float]:
     """How far N moves, linearly, over the record, by what the swing leaves; its standard error.
     Residuals are the swing less the readings. The noise is that left beside the drift."""
-    ramp = since / since[-1] - 0.5
-    design = np.column_stack([jacobian, ramp])
-    size = np.linalg.norm(design, axis=0)
-    inverse = leastsq.inverse((design / size).T @ (design / size))
-    found = inverse @ ((design / size).T @ -residuals)
-    left = residuals + design / size @ found
-    freedom = max(len(left) - len(found), 1)
-    correlation = correlation_length(left, np.ones(len(left)))
-    sd = np.sqrt(float(left @ left) / freedom * correlation * inverse[-1, -1])
-    return float(found[-1] / size[-1]), float(sd / size[-1])
+    line = regress(np.column_stack([jacobian, since / since[-1] - 0.5]), -residuals)
+    correlation = correlation_length(line.left, np.ones(len(line.left)))
+    return float(line.found[-1]), float(np.sqrt(correlation * line.covariance[-1, -1]))
 
 
 def evaluate_swing_deg(params: Array, since_s: Array) -> Array:
@@ -231,10 +206,11 @@ def _pieces(since: Array, reading: Array, params: Array) -> tuple[Array, Array]:
 
 
 def _start(since: Array, reading: Array) -> Array:
-    """The undamped sinusoid of the frequency, among many, that leaves least."""
+    """The undamped sinusoid of the frequency, among many from 0.4 periods in the record on, that
+    leaves least."""
     span = float(since[-1])
     highest = np.pi / max(float(np.median(np.diff(since))), span / 200)
-    trials = np.geomspace(2 * np.pi * _PERIODS / span, highest, _GRID)
+    trials = np.geomspace(0.4 * 2 * np.pi / span, highest, 400)
     phase = np.multiply.outer(trials, since)
     designs = np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=-1)
     basis = np.linalg.qr(designs).Q

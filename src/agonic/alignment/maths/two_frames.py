@@ -35,9 +35,7 @@ GROUPS = {
 }
 """Where each group of unknowns stands among the eighteen."""
 SIZE = 18
-ROUNDS, STEPS = 6, 30
-HOPELESS = 1e4
-"""Mean square of residuals, in units of the noise, that no further round will improve."""
+MAX_ROUNDS, MAX_ITERATIONS = 6, 30
 UNDETERMINED = 1e-3
 """A combination with a standard error above this share of the field (206″) is not known."""
 RARE = 1e-4
@@ -45,13 +43,14 @@ RARE = 1e-4
 
 
 class Unknowns(NamedTuple):
-    """The two rotations, the offset of the field between the piers, bias and symmetric matrix."""
+    """The two rotations, the offset of the field between the piers, bias and symmetric matrix; as
+    they are where nothing is turned."""
 
-    rot_mc: Array
-    rot_nr: Array
-    offset: Array
-    bias: Array
-    matrix: Array
+    rot_mc: Array = np.eye(3)
+    rot_nr: Array = np.eye(3)
+    offset: Array = np.zeros(3)
+    bias: Array = np.zeros(3)
+    matrix: Array = np.eye(3)
 
     def add_step(self, step: Array) -> Unknowns:
         """After a step (18,): rotation vectors on the left, the others added."""
@@ -81,12 +80,6 @@ class Measured(NamedTuple):
     noise: Array
     reference_noise: Array
     along: Array | None = None
-
-
-def start_unknowns(offset: ArrayLike = (0.0, 0.0, 0.0)) -> Unknowns:
-    """Nothing turned, an offset added."""
-    added = np.asarray(offset, dtype=np.float64)
-    return Unknowns(np.eye(3), np.eye(3), added, np.zeros(3), np.eye(3))
 
 
 def make_prior(
@@ -273,24 +266,25 @@ def solve(
     offset: ArrayLike = (0.0, 0.0, 0.0),
     rot_mc: Array | None = None,
     *,
-    rounds: int = ROUNDS,
+    rounds: int = MAX_ROUNDS,
 ) -> Solution:
     """Levenberg–Marquardt about a start, the rotations taken anew each round. Parameters: `prior`
     (18,) the information on the unknowns before (`make_prior`), about `offset` (3,) of the field
     between the piers and a reference that is not turned; `rot_mc` to start from, without which it
     is the one that fits best; `rounds`, the most: after one the misfit is rough."""
-    at, free = start_unknowns(offset), np.isfinite(prior)
-    before = at.offset
+    before, free = np.asarray(offset, dtype=np.float64), np.isfinite(prior)
+    at = Unknowns(offset=before)
     at = at._replace(rot_mc=_start(at, measured, free) if rot_mc is None else rot_mc)
     magnitude = float(np.linalg.norm(measured.reference + before, axis=1).mean())
     onto = np.diag(1 / find_unit_sizes(magnitude))[:, free]
     root, cost = np.sqrt(prior[free]), np.inf
-    iterations = STEPS if rounds > 1 else STEPS // 10
+    iterations = MAX_ITERATIONS if rounds > 1 else MAX_ITERATIONS // 10
     for _ in range(rounds):
         found = _improve(at, measured, onto, root * at.leave_from(before)[free], root, iterations)
         at = at.add_step(onto @ found.params)
         settled = np.abs(found.params).max() < 1e-7 * magnitude
-        hopeless = found.cost > max(HOPELESS * len(found.residuals), cost / 2)
+        # so large a misfit no further round will improve
+        hopeless = found.cost > max(1e4 * len(found.residuals), cost / 2)
         cost = found.cost
         if settled or hopeless:
             break

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from agonic.alignment.findings import report
+from agonic.alignment.findings import report, report_above
 from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.maths.di_flux import LEAST_RAD, NAMES, Settings, SheetEstimate
 from agonic.alignment.maths.north import Pointing, average_faces
@@ -20,18 +20,8 @@ from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Shown
 
-USUAL_FIELD = 50_000.0
 LEVEL_SIN = 0.99999  # the telescope is level to 0.26°: a setting for the declination
-NOMINAL_DEG = 0.01
-NEAR_MERIDIAN_DEG = 3.0
-OFF_MERIDIAN_DEG = 0.1
-WIDE_ARCSEC = 10.0
-BIG_ERROR_DEG = 1.0
 METHOD = ("brunke-matzka-2018",)
-SCALE_READING = 30.0
-"""A reading so large shows how many units of the fluxgate an angle is."""
-COPIED_DEG = 1e-7
-"""Readings of the mark that agree better were read once; their spread says nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +95,8 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     >>> bool(abs(fit.inclination_deg - made.inclination_deg) < 5 / 3600)
     True
     """
-    measured = bool(np.abs(sheet.reading).max() > SCALE_READING)
+    # a large reading shows how many units of the fluxgate an angle is
+    measured = bool(np.abs(sheet.reading).max() > 30.0)
     found, at = estimate_sheet(sheet, magnitude, measured)
     scaled = measured or magnitude is not None or sheet.magnitude is not None
     mark = _mark(sheet)
@@ -156,7 +147,7 @@ def _mark(sheet: DiSheet) -> Pointing:
     runs = np.concatenate([[0], np.cumsum(np.diff(faces.astype(int)) != 0)])
     each = [marks[runs == run] for run in range(int(runs[-1]) + 1)]
     read = average_faces(np.array([a[0] + wrap_deg(a - a[0]).mean() for a in each]))
-    if not read.sd_deg > COPIED_DEG:
+    if not read.sd_deg > 1e-7:  # it was read once, and copied
         return read._replace(sd_deg=float("nan"))
     return read._replace(sd_deg=max(read.sd_deg, np.degrees(LEAST_RAD) / np.sqrt(len(each))))
 
@@ -170,17 +161,14 @@ def _examine(fit: DiFluxFit, at: Settings) -> Iterator[Finding]:
         yield report("mark read once")
     sides = at.horizontal[~at.from_meridian & (np.abs(np.sin(at.zenith)) <= LEVEL_SIN)]
     off = np.abs(wrap_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2).max(initial=0.0)
-    if off > OFF_MERIDIAN_DEG:
-        yield report("off the meridian", off=off)
+    yield from report_above("off the meridian", off, off=off)
     if not fit.scaled and np.abs(fit.sheet.reading).max() > 0:
         yield report("no scale")
     if fit.scale <= 0:
         yield report("reads backwards")
-    if fit.noise_arcsec > WIDE_ARCSEC:
-        yield report("settings disagree", by=fit.noise_arcsec)
+    yield from report_above("settings disagree", fit.noise_arcsec, by=fit.noise_arcsec)
     worst = max(np.abs(fit.collimation_arcsec)) / 3600.0
-    if worst > BIG_ERROR_DEG:
-        yield report("collimation", off=worst)
+    yield from report_above("collimation", worst, off=worst)
 
 
 def estimate_sheet(
@@ -197,7 +185,7 @@ def estimate_sheet(
             undetermined="meridian, inclination and collimation together",
             turns="take four of each: east and west, north and south, sensor up and down",
         )
-    scale = magnitude or sheet.magnitude or USUAL_FIELD
+    scale = magnitude or sheet.magnitude or 50_000.0
     tried = []
     for meridian in _ends(sheet):
         at = _settings(sheet, meridian)
@@ -236,8 +224,8 @@ def _ends(sheet: DiSheet) -> list[float]:
 def _nominal(sheet: DiSheet, meridian: float) -> Mask:
     """Settings whose horizontal reading is 0 or half a turn by name only, from the meridian."""
     off = wrap_deg(2 * (sheet.horizontal_deg - np.degrees(meridian))) / 2
-    round_number = np.abs(wrap_deg(2 * sheet.horizontal_deg) / 2) < NOMINAL_DEG
-    return ~level(sheet) & round_number & (np.abs(off) > NEAR_MERIDIAN_DEG)
+    round_number = np.abs(wrap_deg(2 * sheet.horizontal_deg) / 2) < 0.01
+    return ~level(sheet) & round_number & (np.abs(off) > 3.0)
 
 
 def level(sheet: DiSheet) -> Mask:

@@ -10,7 +10,7 @@ import numpy as np
 
 from agonic.alignment.calibration import make_calibration, make_provenance
 from agonic.alignment.explanations import find_explanations, report_misfit
-from agonic.alignment.findings import report
+from agonic.alignment.findings import report, report_above
 from agonic.alignment.maths import north as kernel
 from agonic.alignment.maths.north import North, Swing
 from agonic.alignment.maths.two_frames import RARE
@@ -24,36 +24,23 @@ from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Shown
 
-DRIFTS = 3.0
-"""Standard errors by which a drift of the zero stands out."""
-LIKELY = 0.5
-"""Probability of a drift before the readings are seen: gyros warm up."""
-
 
 class Drift(NamedTuple):
-    """How far the zero moves over the readings, its standard error, and what is to be allowed for,
-    degrees; infinite where nothing shows it."""
+    """How far the zero moves over the readings, and its standard error, degrees; infinite where
+    nothing shows it."""
 
     size_deg: float = 0.0
     sd_deg: float = float("inf")
-    allowed_deg: float = 0.0
 
     @property
-    def seen(self) -> bool:
-        """Whether the zero moves by more than chance."""
-        return abs(self.size_deg) > DRIFTS * self.sd_deg
-
-
-UNKNOWN = Drift()
-
-
-def estimate_drift(size_deg: float, sd_deg: float) -> Drift:
-    """A drift that was found with a standard error, averaged over its being there and not."""
-    if not np.isfinite(sd_deg) or not sd_deg > 0:
-        return Drift(size_deg, sd_deg)
-    found = average_over_term(np.array([size_deg]), np.array([[sd_deg**2]]), slice(0, 1), LIKELY)
-    allowed = np.hypot(found.params[0], np.sqrt(max(found.covariance[0, 0], 0.0)))
-    return Drift(size_deg, sd_deg, float(allowed))
+    def allowed_deg(self) -> float:
+        """What is to be allowed for: an average over its being there and not, as likely as each
+        other before the readings are seen: gyros warm up."""
+        if not 0 < self.sd_deg < np.inf:
+            return 0.0
+        mean, variance = np.array([self.size_deg]), np.array([[self.sd_deg**2]])
+        found = average_over_term(mean, variance, slice(0, 1), 0.5)
+        return float(np.hypot(found.params[0], np.sqrt(max(found.covariance[0, 0], 0.0))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +73,8 @@ class NorthFit(Judged):
     session: NorthSession
     by: Annotated[dict[str, North], Shown()]
     method: str
+    drift: Drift
     swing: Swing | None = None
-    drift: Drift = UNKNOWN
     constant: Annotated[float | None, Shown(key="transit_constant")] = None
     constant_sd: Annotated[float | None, Shown(key="transit_constant_sd")] = None
     azimuths: Annotated[tuple[Azimuth, ...], Shown()] = ()
@@ -114,10 +101,6 @@ class NorthFit(Judged):
         return None if self.swing is None else float(2 * np.pi / self.swing.params[4])
 
 
-APART = 4.0
-"""Two methods that differ by more standard errors do not agree."""
-FEW_PERIODS = 1.0
-BAD_FACES_ARCSEC = 60.0
 METHOD = ("harbin-2018",)
 
 
@@ -184,8 +167,8 @@ def _find_north(session: NorthSession) -> NorthFit:
             session.transit_constant_sd,
         )
     read = (by[name] for name in ("swing", "reversal") if name in by)
-    known = (estimate_drift(one.drift_deg, one.drift_sd_deg) for one in read)
-    drift = next((one for one in known if np.isfinite(one.sd_deg)), UNKNOWN)
+    known = (Drift(one.drift_deg, one.drift_sd_deg) for one in read)
+    drift = next((one for one in known if np.isfinite(one.sd_deg)), Drift())
     # north is where the zero was at some moment of the record, and nobody knows at which
     by = {
         name: one._replace(sd_deg=float(np.hypot(one.sd_deg, drift.allowed_deg / 2)))
@@ -222,24 +205,23 @@ def _examine(fit: NorthFit) -> Iterator[Finding]:
     best = fit.by[fit.method]
     for name, other in fit.by.items():
         apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
-        if name != fit.method and apart > APART * float(np.hypot(other.sd_deg, best.sd_deg)):
-            yield report("methods disagree", one=fit.method, other=name, by=3600 * apart)
+        sds = apart / max(float(np.hypot(other.sd_deg, best.sd_deg)), 1e-12)
+        said: dict[str, str | float] = {"one": fit.method, "other": name, "by": 3600 * apart}
+        yield from report_above("methods disagree", sds, **said)
     if fit.swing is not None and fit.session.swing is not None and fit.period_s is not None:
         periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
-        if not fit.swing.converged or periods < FEW_PERIODS:
+        if not fit.swing.converged or periods < 1.0:
             yield report("short swing", periods=periods)
-    if fit.drift.seen:
-        yield report("zero drifts", by=3600 * abs(fit.drift.size_deg))
+    moved = abs(fit.drift.size_deg)
+    yield from report_above("zero drifts", moved / max(fit.drift.sd_deg, 1e-12), by=3600 * moved)
     read = {fit.method: best.excess} | {one.name: one.excess for one in fit.azimuths}
     name, excess = max(read.items(), key=lambda item: item[1])
-    if excess > 1.0:
-        yield report("readings scatter", name=name, excess=excess)
+    yield from report_above("readings scatter", excess, name=name, excess=excess)
     if not np.isfinite(best.sd_deg):
         yield report("no spread")
     for one in fit.azimuths:
         differ = 2 * abs(one.collimation_arcsec)
-        if differ > 2 * BAD_FACES_ARCSEC:
-            yield report("faces", name=one.name, by=differ)
+        yield from report_above("faces", differ, name=one.name, by=differ)
     if fit.aligned is not None:
         yield from _examine_platform(fit.aligned)
 

@@ -27,9 +27,6 @@ from agonic.maths.rotations.attitude import down_b, rot_nb
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Shown
 
-BATCHES = 6
-"""Means of an orientation's readings, in which noise with memory shows as it is."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Aligned:
@@ -133,15 +130,15 @@ def _attitude_covariance(platform: Platform) -> Array:
 
 def find_settling_chance(left: list[Array]) -> float:
     """How often chance alone would move readings along a line in time by as much as they do. Of
-    each orientation batches of what is `left` (n, 3) of its readings are fitted with a line; the
-    squares of the slopes over those of what the lines leave are an F-test, all axes together. It is
-    1 where no orientation has readings enough."""
+    each orientation means of what is `left` (n, 3) of its readings, in batches, so that noise with
+    memory shows as it is, are fitted with a line; the squares of the slopes over those of what the
+    lines leave are an F-test, all axes together. It is 1 where none has readings enough."""
     explained, unexplained, lines = 0.0, 0.0, 0
-    at = np.linspace(-1.0, 1.0, BATCHES)
+    at = np.linspace(-1.0, 1.0, 6)
     for values in left:
-        if len(values) < BATCHES:
+        if len(values) < len(at):
             continue
-        means = np.stack([part.mean(axis=0) for part in np.array_split(values, BATCHES)])
+        means = np.stack([part.mean(axis=0) for part in np.array_split(values, len(at))])
         means -= means.mean(axis=0)
         slope = at @ means / (at @ at)
         explained += float((slope**2).sum() * (at @ at))
@@ -149,5 +146,5 @@ def find_settling_chance(left: list[Array]) -> float:
         lines += 3
     if not lines or unexplained == 0.0:
         return 1.0
-    freedom = lines * (BATCHES - 2)
+    freedom = lines * (len(at) - 2)
     return float(fdtrc(lines, freedom, explained / lines / (unexplained / freedom)))

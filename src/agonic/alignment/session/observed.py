@@ -17,7 +17,7 @@ from agonic.alignment.maths.columns import (
     sum_each,
 )
 from agonic.alignment.maths.two_frames import (
-    ROUNDS,
+    MAX_ROUNDS,
     Measured,
     Solution,
     compute_rotation_vector,
@@ -30,7 +30,7 @@ from agonic.alignment.session.session import PRESENT, Session, Site, StarReading
 from agonic.arrays import Array, Index
 from agonic.errors import AgonicError
 from agonic.maths.earth.starlight import apply_aberration, apply_refraction, observer_velocity_i
-from agonic.maths.rotations.frames import rot_en
+from agonic.maths.rotations.frames import ARCSEC_RAD, rot_en
 from agonic.maths.rotations.vectors import find_smallest_rotation
 from agonic.samples import Samples
 
@@ -63,13 +63,13 @@ class Observed:
         return np.asarray(np.degrees(np.arcsin(np.clip(-self.boresight_n[:, 2], -1, 1))))
 
 
-def observe(session: Session) -> Observed:
+def observe(session: Session, assumed_sd_arcsec: float | None = None) -> Observed:
     """The session as one observation an orientation, of every star reading
 
         rot_cn = rot_ci · rot_eiᵀ · rot_en,
 
     averaged over the orientation as rotation vectors. Raises `AgonicError` where noise is neither
-    stated nor seen, and `ValidityError` outside the table of the Earth's rotation."""
+    stated nor seen nor `assumed`, `ValidityError` outside the table of the Earth's rotation."""
     star, site = session.star, session.site
     attitude, rot_ei = average_attitudes(site, star, load_earth_rotation())
     rot_ne = rot_en(site.latitude_deg, site.longitude_deg).T
@@ -80,6 +80,8 @@ def observe(session: Session) -> Observed:
         from_first[own] = rot_cn[own] @ start.T
     turns = compute_rotation_vector(from_first)  # camera axes, from the first attitude there
     star_noise = _measure_star_noise(turns, rows)
+    if assumed_sd_arcsec is not None:
+        star_noise = np.full(2, assumed_sd_arcsec * ARCSEC_RAD)
     weights = np.asarray(np.linalg.inv(_choose_covariance(star, star_noise)), dtype=np.float64)
     spreads = np.asarray(np.linalg.inv(sum_each(weights, rows)), dtype=np.float64)
     means = (spreads @ sum_each(weights @ turns[..., None], rows))[..., 0]
@@ -173,7 +175,7 @@ def _choose_covariance(star: StarReadings, scatter: Array) -> Array:
 
 
 def solve_session(
-    session: Session, observed: Observed, groups: Collection[str], rounds: int = ROUNDS
+    session: Session, observed: Observed, groups: Collection[str], rounds: int = MAX_ROUNDS
 ) -> Solution:
     """The most probable unknowns, those of `groups` free. What the session knows with a standard
     deviation (pier, axes of the reference) joins by itself."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from agonic.arrays import Array, Index
 from agonic.calibration.base import Calibration, select_columns
 from agonic.errors import AgonicError, LogError, UnitError, check_choice
 from agonic.maths.earth.starlight import Air
-from agonic.maths.rotations.frames import from_323_deg
+from agonic.maths.rotations.frames import ARCSEC_RAD, from_323_deg
 from agonic.provenance import Input
 from agonic.readable import Readable
 from agonic.samples import Samples
@@ -24,7 +24,7 @@ from agonic.units import RAW
 OTHER_UNIT = 3.0
 """Ratio of the two magnitudes from which one of the units must be wrong."""
 NOT_UNIT = 1e-3
-"""How far an attitude may be from a rotation."""
+"""How far an attitude may be from a rotation, or a quaternion's length from one."""
 
 
 Coordinates = Literal["astronomical", "geodetic"]
@@ -79,18 +79,28 @@ class StarReadings:
 
     def select(self, rows: Index | slice) -> StarReadings:
         """Some of the attitudes."""
-        return replace(
-            self,
-            time=self.time[rows],
-            orientation=self.orientation[rows],
-            rot_ci=self.rot_ci[rows],
-            covariance=None if self.covariance is None else self.covariance[rows],
-        )
+        return replace(self, **{name: column[rows] for name, column in self._columns.items()})
+
+    def join(self, before: StarReadings) -> StarReadings:
+        """Attitudes after others of the same columns."""
+        both = ((name, [getattr(before, name), one]) for name, one in self._columns.items())
+        joined: dict[str, Any] = {name: np.concatenate(parts) for name, parts in both}
+        return replace(self, **joined)
+
+    @property
+    def _columns(self) -> dict[str, Any]:
+        return {name: one for name, one in vars(self).items() if isinstance(one, np.ndarray)}
 
     @property
     def boresight_i(self) -> Array:
         """Where it looks among the stars, (n, 3)."""
         return self.rot_ci[:, 2]
+
+
+def make_diagonal(across_sd_arcsec: ArrayLike, about_sd_arcsec: ArrayLike) -> Array:
+    """Covariances (…, 3, 3), rad², of standard deviations across and about the boresight."""
+    variance = np.stack([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec], axis=-1) ** 2
+    return np.asarray(variance[..., None] * np.eye(3) * ARCSEC_RAD**2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

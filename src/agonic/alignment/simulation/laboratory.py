@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq, newton
+from scipy.optimize import newton
 from scipy.spatial.transform import Rotation, Slerp
 
 from agonic.alignment.maths import di_flux as kernel
@@ -192,20 +192,9 @@ def simulate_di_flux(
     meridian = declination_deg - mark_azimuth_deg + mark_deg
     dip, off = inclination_deg, (delta_arcsec / 3600, epsilon_arcsec / 3600)
     truth = np.array([*np.radians([meridian, dip, *off]), offset / magnitude, magnitude])
-    east, west = meridian + 90.0, meridian - 90.0
-    circles = np.array(
-        [
-            [east, 90.0],
-            [west, 90.0],
-            [west, 270.0],
-            [east, 270.0],
-            [meridian, dip],
-            [meridian, dip + 180],
-            [meridian + 180, 360 - dip],
-            [meridian + 180, 180 - dip],
-            [meridian + 180, 180 - dip + 0.18],
-        ]
-    )
+    horizontal = meridian + np.array([90, -90, -90, 90, 0, 0, 180, 180, 180])
+    zenith = [90, 90, 270, 270, dip, dip + 180, 360 - dip, 180 - dip, 180 - dip]
+    circles = np.stack([horizontal, zenith], axis=1)
     # each circle is set to the minute nearest a zero reading, the fluxgate reads the rest
     circles[:4, 0] = np.round(_read_null(truth, circles[:4], 0) * 60) / 60
     circles[4:8, 1] = np.round(_read_null(truth, circles[4:8], 1) * 60) / 60
@@ -252,9 +241,6 @@ def _at(circles: Array) -> kernel.Settings:
     horizontal, zenith = np.radians(circles).T
     nothing = np.zeros(len(circles))
     return kernel.Settings(horizontal, zenith, nothing, np.zeros(len(circles), dtype=bool))
-
-
-READINGS = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -342,35 +328,21 @@ def _transits(swing: Array, time_sd_s: float, rng: np.random.Generator, sd: floa
     """Two transits at each of two settings, a swing apart, amplitudes in degrees."""
     settings = swing[0] + np.array([-0.11, -0.11, 0.16, 0.16]) + 0.02 * rng.standard_normal(4)
     settings[1], settings[3] = settings[0], settings[2]
-    error = np.array([time_sd_s, time_sd_s, time_sd_s, sd, sd])
-    rows = [
-        _passages(swing, setting, 2 * k, error * rng.standard_normal(5))
-        for k, setting in enumerate(settings)
-    ]
+    rows = []
+    for k, setting in enumerate(settings):
+        since = 2 * np.pi / swing[4] * np.linspace(2 * k, 2 * k + 2.2, 44_001)
+        away = evaluate_swing_deg(swing, since) - setting
+        crossed = np.flatnonzero(np.diff(np.sign(away)) != 0)
+        crossed = crossed[int(np.argmax(away[crossed] < 0)) :][:3]
+        share = away[crossed] / (away[crossed] - away[crossed + 1])
+        error = np.array([time_sd_s] * 3 + [sd] * 2) * rng.standard_normal(5)
+        east, west = np.diff(since[crossed] + share * (since[1] - since[0]) + error[:3])
+        high, low = (np.abs(away[a:b]).max() for a, b in pairwise(crossed))
+        rows.append((east, west, high + error[3], low + error[4]))
     east, west, high, low = np.array(rows).T
     return Transits(
         setting_deg=settings, east_s=east, west_s=west, amplitude_east=high, amplitude_west=low
     )
-
-
-def _passages(
-    swing: Array, setting: float, periods: int, error: Array
-) -> tuple[float, float, float, float]:
-    """Times east and west of a setting and the amplitudes about it, after so many periods. `error`
-    (5,) is that of the times of three passages and of the two amplitudes."""
-
-    def away(t: float) -> float:
-        return float(evaluate_swing_deg(swing, np.array([t]))[0]) - setting
-
-    grid = 2 * np.pi / swing[4] * np.linspace(periods, periods + 2.2, 441)
-    side = np.array([away(t) for t in grid])
-    crossed = np.flatnonzero(np.diff(np.sign(side)) != 0)
-    crossed = crossed[crossed >= crossed[side[crossed] < 0][0]][:3]
-    exact = [brentq(away, grid[k], grid[k + 1]) for k in crossed]
-    half_way = [np.linspace(*both, 201) for both in pairwise(exact)]
-    high, low = (np.abs(evaluate_swing_deg(swing, at) - setting).max() for at in half_way)
-    east, west = np.diff(exact + error[:3])
-    return float(east), float(west), float(high + error[3]), float(low + error[4])
 
 
 def _stand(
@@ -389,8 +361,7 @@ def _stand(
         return rot_mb, {}
     heading = np.arange(count) * 360.0 / count + rng.uniform(-5, 5, count)
     roll, pitch = rng.uniform(-3, 3, (2, count))
-    number = np.repeat(np.arange(count), READINGS)
-    whole = make_clock(count, READINGS)
+    number, whole = np.repeat(np.arange(count), 20), make_clock(count, 20)
     seconds = whole.astype(np.float64)
     clock = np.arange(float(whole[-1] + TURN_S))
     beside = vary_field(clock, 15.0, (2400.0, 3100.0, 5100.0), rng)

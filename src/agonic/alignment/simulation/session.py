@@ -166,12 +166,15 @@ def simulate_session(
     number = np.repeat(np.arange(len(rot)), readings).astype(np.int64)
     clock = make_clock(len(rot), readings)
     seconds = clock.astype(np.float64)
-    beside = np.asarray(field_n) + _vary_field(np.arange(clock[-1] + TURN_S, dtype=np.float64), rng)
+    beside = np.asarray(field_n) + _vary_field(np.arange(float(clock[-1] + TURN_S)), rng)
     offset, zero = np.asarray(pier, dtype=np.float64), np.asarray(bias, dtype=np.float64)
     if remanence:
         zero = zero + remanence * np.array([0.6, -0.8, 0.0])
     true_c = np.einsum("nij,jk,nk->ni", rot[number], make_rotation(turn), beside[clock] + offset)
     raw = true_c @ rot_mc.T @ np.linalg.inv(w).T + zero
+    turned, before = None, begins - timedelta(hours=1)
+    if remanence is not None:
+        turned = simulate_remanence(remanence=remanence, noise=noise, begins=before, seed=seed)
     session = Session(
         name="simulated",
         site=site,
@@ -180,7 +183,7 @@ def simulate_session(
             rot[number],
             begins.timestamp() + seconds + OFFSET_S,
             number + 1,
-            np.array([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec]) * ARCSEC_RAD,
+            np.array([across_sd_arcsec] * 2 + [about_sd_arcsec]) * ARCSEC_RAD,
             (refraction, aberration),
             rng,
         ),
@@ -191,11 +194,7 @@ def simulate_session(
             beside, reference_noise, rng, begins, np.arange(float(len(beside))), "reference"
         ),
         pier=Pier(difference=offset),
-        remanence=None
-        if remanence is None
-        else simulate_remanence(
-            remanence=remanence, noise=noise, begins=begins - timedelta(hours=1), seed=seed
-        ),
+        remanence=turned,
         mounting=Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma),
         noise=noise or 1e-6,
         reference_noise=reference_noise or 1e-6,

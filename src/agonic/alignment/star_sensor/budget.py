@@ -21,10 +21,7 @@ from agonic.units import DAY_S
 
 Treatment = Literal["corrected", "by the sensor", "solved for", "not corrected", "not known"]
 
-_J2000_TT = (2_451_545.0, 0.0)
-DEFLECTION_ARCSEC = 20.0
 STANDARD_ERROR = "standard error"
-_TABLE = "errors of the Earth rotation table"
 
 
 @dataclass(frozen=True)
@@ -51,12 +48,8 @@ def error_budget(fit: AlignmentFit) -> tuple[Effect, ...]:
     >>> [(effect.name, round(effect.size_arcsec)) for effect in budget if effect.size_arcsec > 1000]
     [('precession', 1217), ('equation of the origins', 1112)]
     """
-    return (
-        *_of_the_earth(fit.session),
-        *_of_light(fit.session),
-        *_of_the_site(fit),
-        *_of_the_readings(fit),
-    )
+    earth, light = _of_the_earth(fit.session), _of_light(fit.session)
+    return (*earth, *light, *_of_the_site(fit), *_of_the_readings(fit))
 
 
 def _of_the_earth(session: Session) -> tuple[Effect, ...]:
@@ -65,7 +58,7 @@ def _of_the_earth(session: Session) -> tuple[Effect, ...]:
     ut1_tai, x, y = (float(value[0]) for value in earth.at(when))
     leap = float(tai_utc_s(when)[()])
     tt = (when + leap + TT_TAI_S) / DAY_S
-    precession = _angle(erfa.pmat06(UNIX_JD, tt) @ erfa.pmat06(*_J2000_TT).T)
+    precession = _angle(erfa.pmat06(UNIX_JD, tt) @ erfa.pmat06(erfa.DJ00, 0.0).T)
     nutation = _angle(erfa.num06a(UNIX_JD, tt))
     origins = abs(erfa.gst06a(UNIX_JD, tt, UNIX_JD, tt) - erfa.era00(UNIX_JD, tt)) / ARCSEC_RAD
     pole = float(np.hypot(x, y)) / ARCSEC_RAD
@@ -78,7 +71,12 @@ def _of_the_earth(session: Session) -> tuple[Effect, ...]:
         Effect("leap seconds", leap * ARCSEC_PER_S, "corrected", f"TAI − UTC {leap:.0f} s"),
         Effect("UT1 − UTC", abs(ut1_utc) * ARCSEC_PER_S, "corrected", f"{ut1_utc:+.4f} s"),
         Effect("polar motion", pole, "corrected"),
-        Effect(_TABLE, earth.sd_arcsec(when), "not corrected", earth.source),
+        Effect(
+            "errors of the Earth rotation table",
+            earth.sd_arcsec(when),
+            "not corrected",
+            earth.source,
+        ),
     )
 
 
@@ -87,22 +85,20 @@ def _angle(matrix: Array) -> float:
     return float(np.max(Rotation.from_matrix(matrix).magnitude()) / ARCSEC_RAD)
 
 
-def _of_light(session: Session) -> tuple[Effect, ...]:
+def _of_light(session: Session) -> Iterator[Effect]:
     """Refraction and aberration, by how much they turn the attitudes at most."""
     said = {
         "refraction": "refraction of the air",
         "aberration": "annual and diurnal aberration",
     }
     rot_ei = load_earth_rotation().rot_ei(session.star.time)
-    effects = []
     for effect, name in said.items():
         alone: dict[str, Any] = dict.fromkeys(said, REMOVED) | {effect: PRESENT}
         turns = compute_apparent_turn(session.site, replace(session.star, **alone), rot_ei)
         present = getattr(session.star, effect) == PRESENT
         stated = "" if present else "; if the sensor removes it as stated"
         done: Treatment = "corrected" if present else "by the sensor"
-        effects.append(Effect(name, _angle(turns), done, f"largest of the session{stated}"))
-    return tuple(effects)
+        yield Effect(name, _angle(turns), done, f"largest of the session{stated}")
 
 
 def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
@@ -121,20 +117,20 @@ def _of_the_site(fit: AlignmentFit) -> tuple[Effect, ...]:
     if platform is not None:
         size = platform.size_arcsec + 2 * platform.sd_arcsec
         remark = f"at most, from {platform.n} settings; across the axis of the turn"
-    treated: list[Treatment] = ["not known"] * 4
-    treated[0] = "corrected" if plumb else "not corrected"
-    if pier.difference.any() or pier.sd is not None:
-        treated[2] = "corrected"
-    if platform:
-        treated[3] = "not corrected"
-    for k, group in enumerate(("reference", "pier", "bias"), start=1):
-        if group in groups:
-            treated[k] = "solved for"
+    stated = pier.difference.any() or pier.sd is not None
+
+    def treat(group: str, otherwise: Treatment) -> Treatment:
+        return "solved for" if group in groups else otherwise
+
+    between = treat("pier", "corrected" if stated else "not known")
+    own = treat("bias", "not corrected" if platform else "not known")
+    plumbed: Treatment = "corrected" if plumb else "not corrected"
+    turned = STANDARD_ERROR if axes else unsolved
     return (
-        Effect("deflection of the vertical", DEFLECTION_ARCSEC, treated[0], f"at most; {known}"),
-        Effect("axes of the reference", axes, treated[1], STANDARD_ERROR if axes else unsolved),
-        Effect("difference between the piers", apart, treated[2], given),
-        Effect("remanence of the platform", size, treated[3], remark),
+        Effect("deflection of the vertical", 20.0, plumbed, f"at most; {known}"),
+        Effect("axes of the reference", axes, treat("reference", "not known"), turned),
+        Effect("difference between the piers", apart, between, given),
+        Effect("remanence of the platform", size, own, remark),
     )
 
 

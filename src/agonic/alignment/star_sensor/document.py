@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from agonic.alignment.document import make_document
 from agonic.alignment.figures import draw_axes, draw_dome, draw_figure, draw_residuals, draw_sky
-from agonic.alignment.findings import judge, write_by_axis
+from agonic.alignment.findings import write_by_axis
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.plan import AlignmentPlan
@@ -25,19 +26,12 @@ from agonic.report.section import Section, Table
 from agonic.report.tables import NOTHING
 from agonic.report.verdict import moves
 
-WHEN_ALIGNED = (
-    "Use this alignment; align again when either instrument was taken off the platform, or after a "
-    "journey. Any eight orientations of a later night check whether it still holds."
-)
 ANGLES = ("α", "β", "γ")
-ANGLE_HEAD = ("Angle", "Value", "Standard error")
-QUATERNION_HEAD = ("Quaternion", "Value", "Standard error")
 AXES_CAPTION = (
     "Axes of the star sensor (x, y, z; z the boresight) and of the magnetometer (x₃, y₃, z₃): "
     "turned by α about z (x to x₁), by β about the new y (z to z₃), by γ about the new z "
     "(x₂ to x₃); seen from a side, the angles between the axes are true"
 )
-BUDGET_HEAD = ("Effect", "Size, ″", "Size, nT", "Done", "Remark")
 BUDGET_NOTE = (
     "What was corrected: the size is what leaving it out would cost. What was not: the size is by "
     "how much a direction may be wrong."
@@ -54,24 +48,24 @@ RESIDUAL_HEAD = (
     "Expected sd, nT",
     "Direction, ″",
 )
-DOME_CAPTION = "Over the site: north up, east right, the horizon at the rim"
-SKY_CAPTION = (
-    "Among the stars: right ascension round the celestial pole, J2000. The larger the dot, the "
-    "larger the residual"
-)
-MATRIX_HEAD = ("Magnetometer", "star sensor x", "y", "z")
 
 
 def describe_alignment(fit: AlignmentFit) -> Document:
     """The alignment with its standard errors, residuals, error budget and the sky."""
-    session, refused, solution = fit.session, fit.verdict == "refused", fit.solution
+    session, solution = fit.session, fit.solution
     site, cost = session.site, fit.worst_sd_arcsec * ARCSEC_RAD * solution.magnitude
     direction = float(np.sqrt((fit.residuals_arcsec**2).mean()))
     ratio = solution.chi2 / max(solution.freedom, 1)
     rank = f"rank {fit.rank} of {int(solution.free.sum())}"
     worst = f"{significant(fit.worst_sd_arcsec, 2)}″"
     residual = quantity(fit.residual_rms, "nT", 2)
-    return Document(
+    use = (
+        "Use this alignment; align again when either instrument was taken off the platform, or "
+        "after a journey. Any eight orientations of a later night check whether it still holds."
+    )
+    return make_document(
+        fit,
+        _numbers(fit),
         schema="agonic/fit-alignment@1",
         kind="Alignment with a star sensor",
         name=session.magnetometer.name,
@@ -80,8 +74,7 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         about=f"{session.date}, {group_digits(site.latitude_deg, 4)}° north, "
         f"{group_digits(site.longitude_deg, 4)}° east ({site.coordinates}); "
         f"{session.magnetometer.name}, {session.star.name}, {session.reference.name}",
-        **judge(fit),
-        move=next(iter(moves(fit.findings)), WHEN_ALIGNED),
+        move=next(iter(moves(fit.findings)), use),
         key_figures=[
             ("Alignment, worst axis", worst, f"{significant(cost, 2)} nT"),
             ("Residual", residual, f"{significant(direction, 2)}″"),
@@ -90,10 +83,17 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         ],
         entries=_entries(fit),
         entries_title="",
-        sections=[*([] if refused else [_describe_alignment(fit)]), *_list_evidence(fit)],
-        values={**_rank(fit), **({} if refused else _numbers(fit))},
-        calibration=fit.calibration,
-        styles=["alignment.css"],
+        sections=[
+            *([] if fit.verdict == "refused" else [_describe_alignment(fit)]),
+            *_list_evidence(fit),
+        ],
+        values={
+            "method": "alignment",
+            "sensor": session.magnetometer.name,
+            "solve": solution.groups,
+            "unknowns": int(solution.free.sum()),
+            **{one: getattr(fit, one) for one in ("n", "rank", "condition", "undetermined", "add")},
+        },
     )
 
 
@@ -155,34 +155,21 @@ def _describe_alignment(fit: AlignmentFit) -> Section:
         [
             element(
                 "div",
-                Table(ANGLE_HEAD, angles).to_html(),
-                Table(QUATERNION_HEAD, quaternion).to_html(),
+                *(
+                    Table((name, "Value", "Standard error"), rows).to_html()
+                    for name, rows in (("Angle", angles), ("Quaternion", quaternion))
+                ),
                 class_="pair tables",
             ),
             "Components in the star sensor’s axes become those in the magnetometer’s by "
             "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
             "Standard errors about the magnetometer’s axes: "
             f"{write_by_axis(fit.sd_arcsec, between=', ')}.",
-            Table(MATRIX_HEAD, cosines, scrolls=True),
+            Table(("Magnetometer", "star sensor x", "y", "z"), cosines, scrolls=True),
             lambda: draw_figure(draw_axes(*map(float, fit.angles_deg)), AXES_CAPTION),
             _others(fit),
         ],
     )
-
-
-def _rank(fit: AlignmentFit) -> dict[str, Any]:
-    """What the session determines."""
-    return {
-        "method": "alignment",
-        "sensor": fit.session.magnetometer.name,
-        "n": fit.n,
-        "solve": fit.solution.groups,
-        "rank": fit.rank,
-        "unknowns": int(fit.solution.free.sum()),
-        "condition": fit.condition,
-        "undetermined": fit.undetermined,
-        "add": fit.add,
-    }
 
 
 def _numbers(fit: AlignmentFit) -> dict[str, Any]:
@@ -243,24 +230,20 @@ def _list_evidence(fit: AlignmentFit) -> list[Section]:
 
     def draw_skies() -> list[Markup]:
         dots = seen.orientation, fit.residuals_arcsec
-        over_site = draw_figure(draw_dome(seen.boresight_n, *dots), DOME_CAPTION)
-        return [over_site, draw_figure(draw_sky(seen.boresight_i, *dots), SKY_CAPTION)]
+        over = "Over the site: north up, east right, the horizon at the rim"
+        among = "Among the stars: right ascension round the celestial pole, J2000. "
+        among += "The larger the dot, the larger the residual"
+        over_site = draw_figure(draw_dome(seen.boresight_n, *dots), over)
+        return [over_site, draw_figure(draw_sky(seen.boresight_i, *dots), among)]
 
     residuals = Table(RESIDUAL_HEAD, rows, "numbers small", scrolls=True)
-    budget = Table(BUDGET_HEAD, effects, "budget", scrolls=True)
+    head = ("Effect", "Size, ″", "Size, nT", "Done", "Remark")
+    budget = Table(head, effects, "budget", scrolls=True)
     return [
         Section("Residuals of each orientation", [drawn, residuals]),
         Section("Where the star sensor looked", [draw_skies], style="pair"),
         Section("Error budget", [BUDGET_NOTE, budget]),
     ]
-
-
-KEYS = ("azimuth_deg", "elevation_deg", "roll_deg")
-PLAN_HEAD = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
-ROLL = (
-    "Azimuth and elevation are where the star sensor looks, roll turns it about that; with roll 0 "
-    "its x axis points to the horizon below."
-)
 
 
 def describe_plan(plan: AlignmentPlan) -> Document:
@@ -275,7 +258,13 @@ def describe_plan(plan: AlignmentPlan) -> Document:
         drawn = draw_dome(boresight, numbers, np.ones(len(rows)))
         return draw_figure(drawn, "North is up, east to the right.")
 
-    table = Table(PLAN_HEAD, rows, "orientations", scrolls=True)
+    head = ("Orientation", "Azimuth", "Elevation", "Roll", "Worst axis so far", "Begun, remarks")
+    table = Table(head, rows, "orientations", scrolls=True)
+    roll = (
+        "Azimuth and elevation are where the star sensor looks, roll turns it about that; with "
+        "roll 0 its x axis points to the horizon below."
+    )
+    keys = ("azimuth_deg", "elevation_deg", "roll_deg")
     return Document(
         schema="agonic/plan-alignment@1",
         kind="Plan of a session",
@@ -284,11 +273,11 @@ def describe_plan(plan: AlignmentPlan) -> Document:
         f"alignment to ± {significant(plan.worst_sd_arcsec, 2)}″ about its worst axis",
         sections=[
             Section("Orientations", [table, draw], printed=True, style="pair plan"),
-            Section("", [ROLL], printed=True),
+            Section("", [roll], printed=True),
             Section("Standard errors to expect", [_describe_expected(plan)], printed=True),
         ],
         values={
-            "orientations": [dict(zip(KEYS, one, strict=True)) for one in plan.orientations],
+            "orientations": [dict(zip(keys, one, strict=True)) for one in plan.orientations],
             **make_record(plan),
         },
         styles=["alignment.css"],

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice, takewhile
 
 import numpy as np
 from scipy.special import chdtrc
 
 from agonic.alignment.calibration import make_calibration, make_provenance
 from agonic.alignment.explanations import find_explanations, report_misfit
-from agonic.alignment.findings import report
+from agonic.alignment.findings import is_above, report, report_above
 from agonic.alignment.maths.two_frames import (
     GROUPS,
     RARE,
@@ -48,21 +49,8 @@ from agonic.errors import check_choice
 from agonic.health import Finding, figure
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
-MOST_ADDED, MOST_NAMED = 4, 2
-TOUCHED = 1e-3
-"""Share of the alignment in a combination from which it is spoilt where that is undetermined."""
-ELSEWHERE = (
-    "it is not determined by the field at one place; leave it out of solve, or state how well it "
-    "is known (sd_nT of the pier, axes_sd_arcsec of the reference)"
-)
-NEAR_POLE_DEG = 1.0
-PREDICTED_ARCSEC = 0.5
-FAR_FROM_NOMINAL = 4.0
-"""Standard deviations of the mounting."""
 DOUBTED_ARCSEC = 10.0
 """A turn of the reference that happens: a clock wrong by 0.7 s, a variometer by 0.003°."""
-WORSE = 1.5
-"""Times the stated or wanted standard error above which such a turn matters."""
 
 
 def examine(fit: AlignmentFit) -> AlignmentFit:
@@ -90,7 +78,8 @@ def examine(fit: AlignmentFit) -> AlignmentFit:
 def _list_findings(fit: AlignmentFit) -> Iterator[Finding]:
     """What is undetermined, what does not fit, and what else to know of session and platform."""
     lost = fit.solution.undetermined[GROUPS["alignment"]]
-    spoilt = bool(lost.size) and bool((lost**2).sum(axis=0).max() > TOUCHED)
+    # with a share in what is undetermined the alignment is so too
+    spoilt = bool((lost**2).sum(axis=0).max(initial=0.0) > 1e-3)
     if fit.undetermined:
         yield _report_undetermined(fit, spoilt)
     doubt = None if spoilt else _check_misfit(fit)
@@ -105,8 +94,7 @@ def _list_findings(fit: AlignmentFit) -> Iterator[Finding]:
                 action=write_additions(fit.add),
             )
         low = int((fit.observed.elevation_deg < 0).sum())
-        if low:
-            yield report("below the horizon", low=low, n=fit.n)
+        yield from report_above("below the horizon", low, low=low, n=fit.n)
         yield from _check_scatter(fit)
         if not spoilt:
             yield from _check_reference(fit)
@@ -119,15 +107,10 @@ def _suggest_orientations(
     """Up to four orientations that shrink the worst combination most, one after the other."""
     chosen, at = list_candidates(), result.unknowns
     wanted = fit.wanted_sd_arcsec * ARCSEC_RAD * result.magnitude
-    best = choose_additions(
-        result.information,
-        predict_information(at, result.measured, chosen),
-        chosen,
-        result.prior,
-        result.magnitude,
-        lambda added, worst: len(added) == MOST_ADDED or worst < wanted,
-    )
-    return tuple(chosen[k] for k in best)
+    each = predict_information(at, result.measured, chosen)
+    best = choose_additions(result.information, each, chosen, result.prior, result.magnitude)
+    needed = takewhile(lambda one: one[0] >= wanted, best)
+    return tuple(chosen[k] for _, k in islice(needed, 4))
 
 
 def write_additions(add: Sequence[tuple[float, float, float]]) -> str:
@@ -141,8 +124,7 @@ def write_additions(add: Sequence[tuple[float, float, float]]) -> str:
 
 def _report_undetermined(fit: AlignmentFit, spoilt: bool) -> Finding:
     """Combinations that nothing determines: some that matter to the alignment, others not."""
-    shown = "; and ".join(fit.undetermined[:MOST_NAMED])
-    more = len(fit.undetermined) - MOST_NAMED
+    shown, more = "; and ".join(fit.undetermined[:2]), len(fit.undetermined) - 2
     what = f"{shown}; and {more} more" if more > 0 else shown
     said = f"{fit.n} orientation{'s do' if fit.n > 1 else ' does'} not determine {what}"
     result = fit.solution
@@ -150,7 +132,11 @@ def _report_undetermined(fit: AlignmentFit, spoilt: bool) -> Finding:
     lost = result.undetermined / find_unit_sizes(result.magnitude)[:, None]
     explained = np.einsum("ri,jrs,si->i", lost, each, lost)
     stuck = (explained * (UNDETERMINED * result.magnitude) ** 2 < 1.0).any()  # by any orientation
-    action = ELSEWHERE if stuck else write_additions(fit.add)
+    elsewhere = (
+        "it is not determined by the field at one place; leave it out of solve, or state how well "
+        "it is known (sd_nT of the pier, axes_sd_arcsec of the reference)"
+    )
+    action = elsewhere if stuck else write_additions(fit.add)
     name = "alignment undetermined" if spoilt else "unknowns undetermined"
     return report(name, what=said, action=action)
 
@@ -163,7 +149,7 @@ def _check_misfit(fit: AlignmentFit) -> Finding | None:
     bad = result.freedom > 0 and result.p_value < RARE
     away_deg = np.degrees(np.linalg.norm(find_way_from_nominal(fit.session, result)))
     sd_deg = np.inf if fit.session.mounting is None else fit.session.mounting.sd_deg
-    if not (bad or away_deg > FAR_FROM_NOMINAL * sd_deg):
+    if not (bad or is_above("nominal mounting", float(away_deg / sd_deg))):
         return None
     seen = (
         f"the residuals are {figure(fit.residual_rms, 3)} nT rms, "
@@ -196,7 +182,8 @@ def _check_reference(fit: AlignmentFit) -> Iterator[Finding]:
     prior = fit.solution.prior.copy()
     prior[GROUPS["reference"]] = 1 / (DOUBTED_ARCSEC * ARCSEC_RAD) ** 2
     doubted = compute_turn_sd(invert(fit.solution.information, prior)) / ARCSEC_RAD
-    if doubted > WORSE * max(fit.worst_sd_arcsec, fit.wanted_sd_arcsec):
+    worse = doubted / max(fit.worst_sd_arcsec, fit.wanted_sd_arcsec)
+    if is_above("reference unchecked", worse):
         prior[GROUPS["reference"]] = 0.0
         more = write_additions(_suggest_orientations(fit, replace(fit.solution, prior=prior)))
         yield report("reference unchecked", by=DOUBTED_ARCSEC, off=doubted, action=more)
@@ -210,12 +197,9 @@ def _check_scatter(fit: AlignmentFit) -> Iterator[Finding]:
         return
     stated = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0))
     ratio = seen / np.array([np.hypot(stated[0], stated[1]) / np.sqrt(2), stated[2]])
-    odd = chdtrc(freedom, freedom * ratio**2) < RARE
-    if odd.any() and ratio.max() >= 1.3:
-        which = int(ratio.argmax())
-        yield report(
-            "attitude scatter", ratio=float(ratio[which]), which=("across", "about")[which]
-        )
+    if (chdtrc(freedom, freedom * ratio**2) < RARE).any():
+        worst, which = float(ratio.max()), ("across", "about")[int(ratio.argmax())]
+        yield from report_above("attitude scatter", worst, ratio=worst, which=which)
 
 
 def _check_surroundings(fit: AlignmentFit) -> Iterator[Finding]:
@@ -226,10 +210,10 @@ def _check_surroundings(fit: AlignmentFit) -> Iterator[Finding]:
     earth, middle = load_earth_rotation(), fit.session.middle
     if middle > earth.measured_until:
         sd = earth.sd_arcsec(middle)
-        newer = "install a newer astropy-iers-data and fit again" if sd > PREDICTED_ARCSEC else ""
+        newer = "install a newer astropy-iers-data and fit again" if sd > 0.5 else ""
         yield report("predicted earth rotation", date=fit.session.date, sd=sd, action=newer)
     beta = fit.angles_deg[1]
-    if min(beta, 180.0 - beta) < NEAR_POLE_DEG:
+    if min(beta, 180.0 - beta) < 1.0:
         yield report("near-zero beta", known="sum" if beta < 90 else "difference")
     solved = {"platform remanence": "bias", "platform iron": "matrix"}
     for found in () if fit.platform is None else fit.platform.findings:
@@ -238,7 +222,6 @@ def _check_surroundings(fit: AlignmentFit) -> Iterator[Finding]:
 
 
 METHOD = ("harbin-2018", "iers-2010")
-OWN = slice(GROUPS["bias"].start, GROUPS["matrix"].stop)
 
 
 def fit_alignment(
@@ -310,12 +293,12 @@ def _calibration(session: Session, solution: Solution, solve: tuple[str, ...]) -
         "aberration": star.aberration,
     }
     provenance = make_provenance(session.sources, arrays, settings, *METHOD)
-    own = None
+    own, last = None, slice(GROUPS["bias"].start, None)
     if {"bias", "matrix"} & set(solve):
         own = Affine(
             bias=solution.unknowns.bias,
             matrix=solution.unknowns.matrix,
-            covariance=solution.covariance[OWN, OWN],
+            covariance=solution.covariance[last, last],
             magnitude=solution.magnitude,
             noise=session.noise,
             sensor=samples.name,

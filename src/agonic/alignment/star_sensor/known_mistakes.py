@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -11,19 +11,17 @@ import erfa
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.explanations import AS_GOOD, EXPLAINED, Explanation
-from agonic.alignment.maths.two_frames import ROUNDS, Solution, compute_rotation_vector
+from agonic.alignment.explanations import Explanation, choose_explanations
+from agonic.alignment.maths.two_frames import MAX_ROUNDS, Solution, compute_rotation_vector
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.observed import observe, solve_session
 from agonic.alignment.session.session import PRESENT, REMOVED, Session, StarReadings
 from agonic.arrays import Array
 from agonic.errors import AgonicError
 from agonic.maths.earth.earth_rotation import TT_TAI_S, UNIX_JD, tai_utc_s
-from agonic.maths.rotations.frames import ARCSEC_RAD, angles_323_deg, r3, rot_ci
+from agonic.maths.rotations.frames import angles_323_deg, r3, rot_ci
 from agonic.units import DAY_S
 
-TRIED = 8
-"""How many are tried on the whole session: the best on one reading of every orientation."""
 ANGLES = (
     ("roll counted from north, not from south", "add 180° to rot_deg", (1, 1, 1), (0, 0, 180)),
     ("roll counted the other way round", "change the sign of rot_deg", (1, 1, -1), (0, 0, 0)),
@@ -92,26 +90,26 @@ def find_way_from_nominal(session: Session, result: Solution) -> Array:
 def find_likely_mistakes(session: Session, solve: Collection[str], now: float) -> list[Explanation]:
     """The mistakes that would explain the misfit, the best first; none where none does. All are
     tried on one reading of each orientation; the most promising on the whole session."""
-    few = list(list_mistakes(_select_first_readings(session)))
-    promising = sorted(_try_mistakes(few, solve, rounds=1))[:TRIED]
-    every = list(list_mistakes(session))
-    mistakes = [every[k] for _, k in promising]
-    named = [
-        Explanation(mistakes[k].words, mistakes[k].move, left, 0)
-        for left, k in sorted(_try_mistakes(mistakes, solve))
-    ]
-    if not named or not named[0].left < EXPLAINED * now:
-        return []
-    return [one for one in named if one.left <= AS_GOOD * named[0].left]
+    few = dict(enumerate(list_mistakes(_select_first_readings(session))))
+    # one reading does not show its own noise
+    promising = [k for _, k in sorted(_try_mistakes(few, solve, 1, assumed_sd_arcsec=10.0))[:8]]
+    every = {k: one for k, one in enumerate(list_mistakes(session)) if k in promising}
+    tried = _try_mistakes(every, solve)
+    return choose_explanations(
+        (Explanation(every[k].words, every[k].move, left, 0) for left, k in tried), now
+    )
 
 
 def _try_mistakes(
-    mistakes: Sequence[Mistake], solve: Collection[str], rounds: int = ROUNDS
+    mistakes: Mapping[int, Mistake],
+    solve: Collection[str],
+    rounds: int = MAX_ROUNDS,
+    assumed_sd_arcsec: float | None = None,
 ) -> Iterator[tuple[float, int]]:
     """What misfit is left with each mistake undone, and its number, where it can be undone."""
-    for k, (_, _, session) in enumerate(mistakes):
+    for k, (_, _, session) in mistakes.items():
         with suppress(AgonicError, ValueError, np.linalg.LinAlgError):
-            found = solve_session(session, observe(session), solve, rounds)
+            found = solve_session(session, observe(session, assumed_sd_arcsec), solve, rounds)
             if np.isfinite(left := compute_misfit(session, found)):
                 yield left, k
 
@@ -121,11 +119,9 @@ def _select_first_readings(session: Session) -> Session:
     star, readings = session.star, session.magnetometer
     assert readings.station is not None, "checked when the session is"
     own, theirs = (np.unique(n, return_index=True)[1] for n in (star.orientation, readings.station))
-    ten_arcsec = (10.0 * ARCSEC_RAD) ** 2 * np.eye(3)  # one reading does not show its own noise
-    covariance = np.broadcast_to(ten_arcsec, (len(own), 3, 3))
     return replace(
         session,
-        star=replace(star.select(np.sort(own)), covariance=covariance),
+        star=star.select(np.sort(own)),
         magnetometer=readings.select(np.sort(theirs)),
         noise=1.0,
         reference_noise=1.0,

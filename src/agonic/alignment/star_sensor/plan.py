@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -19,9 +19,9 @@ from agonic.alignment.maths.two_frames import (
     invert,
     make_prior,
     predict_field_c,
-    start_unknowns,
     weigh,
 )
+from agonic.alignment.session.session import make_diagonal
 from agonic.arrays import Array
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.health import figure
@@ -30,16 +30,11 @@ from agonic.readable import Shown
 
 Orientation = tuple[float, float, float]
 
-ELEVATIONS_DEG = (90.0, 65.0, 40.0)
-STEP_DEG = 45.0
-_SHARE = 0.05
-"""A group that has less than this share of a combination is not named."""
-
 
 def list_candidates(lowest_deg: float = 40.0) -> list[Orientation]:
     """Azimuth, elevation and roll of a star sensor that sees no horizon, degrees."""
-    turns = np.arange(0.0, 360.0, STEP_DEG)
-    heights = [e for e in ELEVATIONS_DEG if e > lowest_deg] + [lowest_deg]
+    turns = np.arange(0.0, 360.0, 45.0)
+    heights = [e for e in (90.0, 65.0, 40.0) if e > lowest_deg] + [lowest_deg]
     return [
         (float(azimuth), float(height), float(roll))
         for height in heights
@@ -72,35 +67,33 @@ def choose_additions(
     chosen: list[Orientation],
     prior: Array,
     magnitude: float,
-    enough: Callable[[list[int], float], bool],
-) -> list[int]:
-    """Which of `chosen` to add one after the other, each the one that shrinks the worst most.
-    `information` (18, 18) and `prior` (18,) are what is known already, `enough(added, worst)` says
-    when to stop, the worst being the largest standard error, nT, of a combination of the free
-    unknowns."""
+) -> Iterator[tuple[float, int]]:
+    """Which of `chosen` to add one after the other, each the one that shrinks the worst most, and
+    before it the largest standard error, nT, of a combination of the free unknowns. `information`
+    (18, 18) and `prior` (18,) are what is known already."""
     known = weigh(information, prior, magnitude)
     parts = weigh(each, np.where(np.isfinite(prior), 0.0, np.inf), magnitude)
-    added: list[int] = []
+    added: set[int] = set()
     while True:
         worst = float(1 / np.sqrt(max(np.linalg.eigvalsh(known)[0], 1e-30)))
-        if enough(added, worst):
-            return added
         tried = known + parts
         floor = 1e-12 * np.trace(known + parts.mean(axis=0)) * np.eye(len(known))
         volume = np.trace(np.linalg.inv(tried + floor), axis1=1, axis2=2)
-        if len(set(added)) < len(chosen):  # none twice before all were taken
-            volume[list(set(added))] = np.inf
+        if len(added) < len(chosen):  # none twice before all were taken
+            volume[list(added)] = np.inf
         best = int(np.argmin(volume))
-        added.append(best)
+        yield worst, best
+        added.add(best)
         known = known + parts[best]
 
 
 def describe_combination(combination: Array, at: Unknowns, like: Measured) -> str:
-    """A combination (18,) of the unknowns in words, the groups with the largest shares first."""
+    """A combination (18,) of the unknowns in words, the groups with the largest shares first; those
+    below a twentieth are not named."""
     field_n = at.rot_nr @ like.reference.mean(axis=0)
     along_n = field_n / np.linalg.norm(field_n)
     shares = {g: float((combination[rows] ** 2).sum()) for g, rows in GROUPS.items()}
-    named = sorted((g for g in shares if shares[g] > _SHARE), key=lambda g: -shares[g])
+    named = sorted((g for g in shares if shares[g] > 0.05), key=lambda g: -shares[g])
     return " together with ".join(
         _words(group, combination[GROUPS[group]], along_n, like) for group in named
     )
@@ -134,8 +127,8 @@ def _direction(unit: Array, axes: tuple[str, str, str]) -> str:
     return axes[int(np.argmax(unit))] if unit.max() > 0.99 else "(" + ", ".join(parts) + ")"
 
 
-FEWEST, MOST = 4, 120
-"""Orientations of a plan; with fewer nothing shows a mistake."""
+MIN_ORIENTATIONS, MAX_ORIENTATIONS = 4, 120
+"""Of a plan; with fewer nothing shows a mistake."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,8 +196,8 @@ def plan_alignment(
     >>> len(plan.orientations) >= 4, plan.worst_sd_arcsec <= 2.0
     (True, True)
     """
-    numbers = (wanted_sd_arcsec, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
-    if readings < 1 or not all(n > 0 for n in numbers) or not 0 <= lowest_elevation_deg < 90:
+    sds = (wanted_sd_arcsec, noise, reference_noise, across_sd_arcsec, about_sd_arcsec)
+    if readings < 1 or not all(sd > 0 for sd in sds) or not 0 <= lowest_elevation_deg < 90:
         raise AgonicError(
             "a plan needs at least one reading, noise and wanted standard error above 0, and a "
             "lowest elevation from 0 to 90°"
@@ -213,43 +206,42 @@ def plan_alignment(
         check_choice("solve", group, tuple(GROUPS))
     field = np.asarray(field_n, dtype=np.float64)
     magnitude = float(np.linalg.norm(field))
-    at = start_unknowns()._replace(rot_mc=from_323_deg(*mounting_deg))
+    at = Unknowns(rot_mc=from_323_deg(*mounting_deg))
     root = np.sqrt(readings)
-    star = np.array([across_sd_arcsec, across_sd_arcsec, about_sd_arcsec]) * ARCSEC_RAD / root
     like = Measured(
         field=field[None],
         reference=field[None],
         rot_cn=np.eye(3)[None],
-        attitude_covariance=np.diag(star**2)[None],
+        attitude_covariance=make_diagonal(across_sd_arcsec, about_sd_arcsec)[None] / readings,
         noise=np.array([noise / root]),
         reference_noise=np.array([reference_noise / root]),
     )
     prior = make_prior({"alignment", *solve}, pier_sd, reference_sd_arcsec)
     chosen = list_candidates(lowest_elevation_deg)
-    each = predict_information(at, like, chosen)
-
-    def covariance(picked: list[int]) -> Array:
-        return invert(each[picked].sum(axis=0), prior)
-
-    def enough(picked: list[int], worst: float) -> bool:
-        sd = compute_turn_sd(covariance(picked)) / ARCSEC_RAD
-        return len(picked) == MOST or (len(picked) >= FEWEST and sd <= wanted_sd_arcsec)
-
-    picked = choose_additions(np.zeros((SIZE, SIZE)), each, chosen, prior, magnitude, enough)
-    sds = [compute_turn_sd(covariance(picked[:k])) / ARCSEC_RAD for k in range(1, len(picked) + 1)]
-    if sds[-1] > wanted_sd_arcsec:
-        left = "undetermined" if sds[-1] > 36_000 else f"{sds[-1]:.2g}″"
+    each, known = predict_information(at, like, chosen), np.zeros((SIZE, SIZE))
+    picked, worst = [], []
+    for _, k in choose_additions(known, each, chosen, prior, magnitude):
+        picked.append(chosen[k])
+        known = known + each[k]
+        covariance = invert(known, prior)
+        sd = compute_turn_sd(covariance) / ARCSEC_RAD
+        worst.append(sd if sd < 36_000 else np.inf)
+        enough = len(picked) >= MIN_ORIENTATIONS and sd <= wanted_sd_arcsec
+        if enough or len(picked) == MAX_ORIENTATIONS:
+            break
+    if sd > wanted_sd_arcsec:
+        left = f"{sd:.2g}″" if np.isfinite(worst[-1]) else "undetermined"
         raise CoverageError(
-            f"{MOST} orientations leave the alignment at {left}, not "
+            f"{MAX_ORIENTATIONS} orientations leave the alignment at {left}, not "
             f"{wanted_sd_arcsec:g}″; take more readings, a better star sensor or pier difference",
             undetermined=f"the alignment to {wanted_sd_arcsec:g}″",
         )
     return AlignmentPlan(
-        orientations=tuple(chosen[k] for k in picked),
+        orientations=tuple(picked),
         readings=readings,
         solve=tuple(g for g in GROUPS if np.isfinite(prior[GROUPS[g]]).all()),
         field_n=field,
         wanted_sd_arcsec=wanted_sd_arcsec,
-        sd_arcsec=np.array([sd if sd < 36_000 else np.inf for sd in sds]),
-        sd=np.sqrt(np.diag(covariance(picked))),
+        sd_arcsec=np.array(worst),
+        sd=np.sqrt(np.diag(covariance)),
     )
