@@ -13,10 +13,12 @@ import subprocess
 import sys
 import traceback
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from threading import Event, Lock, Timer
 from typing import Any
+
+import numpy as np
 
 from agonic.errors import AgonicError, LogError
 
@@ -61,7 +63,12 @@ class Child:
         try:
             pickle.dump(request, process.stdin)
             process.stdin.flush()
-            failed, answer = pickle.load(process.stdout)
+            head, sizes = pickle.load(process.stdout)
+            buffers = [np.empty(size, np.uint8) for size in sizes]  # of arrays
+            for buffer in buffers:
+                if process.stdout.readinto(buffer.data) < len(buffer):  # type: ignore[attr-defined]
+                    raise EOFError
+            failed, answer = pickle.loads(head, buffers=buffers)
         except (EOFError, OSError, pickle.UnpicklingError):
             self.end()
             raise (TimeoutError if late.is_set() else ChildProcessError) from None
@@ -98,6 +105,7 @@ class Child:
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=subprocess.DEVNULL,
+                    pipesize=1 << 20,
                     env={**os.environ, **_ENVIRONMENT},
                 )
                 self._finalizer = weakref.finalize(self, _kill, self._process, self._owner)
@@ -158,18 +166,23 @@ def serve(most_memory: int) -> None:
     os.dup2(2, 1)
     with suppress(EOFError):
         while True:
-            answers.write(_answer(pickle.load(sys.stdin.buffer)))
+            for part in _answer(pickle.load(sys.stdin.buffer)):
+                answers.write(part)
             answers.flush()
 
 
-def _answer(request: bytes) -> bytes:
-    """Whether it failed, and with what or the result, as bytes."""
+def _answer(request: bytes) -> Iterator[Any]:
+    """Whether it failed, and with what or the result, as bytes: a head, then its arrays."""
+    buffers: list[pickle.PickleBuffer] = []
     try:
         function, given = pickle.loads(request)
-        return pickle.dumps((False, function(given)), protocol=5)
+        answer = False, function(given)
     except (AgonicError, MemoryError) as error:
-        return pickle.dumps((True, error))
+        answer = True, error
     except BaseException as error:
-        failed = RuntimeError(f"{type(error).__name__}: {error}")
-        failed.add_note(traceback.format_exc())
-        return pickle.dumps((True, failed))
+        answer = True, RuntimeError(f"{type(error).__name__}: {error}")
+        answer[1].add_note(traceback.format_exc())
+    head = pickle.dumps(answer, protocol=5, buffer_callback=buffers.append)
+    parts = [buffer.raw() for buffer in buffers]
+    yield pickle.dumps((head, [part.nbytes for part in parts]))
+    yield from parts
