@@ -24,7 +24,7 @@ from agonic.exports.motioncal import LENGTH, SIGNATURE, Packet, compute_crc16
 from agonic.exports.px4 import AMPERES, INT32, POWER, THERMAL, power_names, px4_names, thermal_names
 from agonic.exports.ros import BIAS, MATRIX
 from agonic.exports.table import COLUMNS, NAMES
-from agonic.logs.ardupilot.parameters import LARGEST_SCALE
+from agonic.logs.ardupilot.compass import LARGEST_SCALE
 from agonic.logs.contents import read_bytes
 from agonic.maths.equation.affine import split
 from agonic.maths.equation.symmetric import unpack_symmetric

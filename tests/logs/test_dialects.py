@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.logs.headers.conventions import list_conventions
+from agonic.logs.headers.columns import list_conventions
 from agonic.logs.read import open_log
 from agonic.logs.text.dialects import list_dialects
 

@@ -46,7 +46,7 @@ from agonic.exports.convert import (
     write_rows,
 )
 from agonic.exports.temperature import hold_temperature
-from agonic.logs.ardupilot.parameters import LARGEST_SCALE
+from agonic.logs.ardupilot.compass import LARGEST_SCALE
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.units import NANOTESLA_PER
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.ardupilot.parameters import LARGEST_SCALE
+from agonic.logs.ardupilot.compass import LARGEST_SCALE
 from agonic.logs.contents import read_bytes
 from agonic.logs.formats import name_content
 from agonic.maths.equation.symmetric import unpack_symmetric

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from agonic.errors import AgonicError, LogError
 from agonic.fleet.settings import FleetSettings
-from agonic.logs.contents import name_own_table
+from agonic.logs.formats import name_own_table
 from agonic.logs.large.dataset import Dataset, find_dataset
 from agonic.logs.read import accepts
 from agonic.logs.remote import is_remote, list_remote

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.errors import AgonicError, LogError
+from agonic.logs.log import Facts
 from agonic.logs.read import read
 from agonic.logs.table import build_log
 from agonic.maths.moments_of_time import count_seconds, has_moments
@@ -22,20 +23,10 @@ Given = Samples | ArrayLike | Mapping[str, ArrayLike] | Path | str
 
 
 def as_samples(given: Given, unit: str | None = None) -> Samples:
-    """The samples that were meant.
-
-    Parameters
-    ----------
-    given : `Samples`; readings (n, 3) as an array or lists; a DataFrame of pandas or polars, a
-        table of pyarrow, a record array of NumPy, an xarray Dataset or a mapping, whose columns are
-        named as in a text table; or the path of a recording.
-    unit : of the readings, where they do not say; else they are raw.
-
-    Raises `AgonicError` for anything else.
-
-    >>> as_samples([[20.0, 0.0, 43.0]], "uT").field.tolist()
-    [[20000.0, 0.0, 43000.0]]
-    """
+    """The samples that were meant by `Samples`; by readings (n, 3) as an array or lists; by a
+    DataFrame of pandas or polars, a table of pyarrow, a record array of NumPy, an xarray Dataset or
+    a mapping, whose columns are named as in a text table; or by the path of a recording. `unit` is
+    that of the readings, where they do not say; else they are raw."""
     if isinstance(given, Samples):
         if unit is not None:
             raise AgonicError(
@@ -52,15 +43,11 @@ def as_samples(given: Given, unit: str | None = None) -> Samples:
     table: Any = given
     if hasattr(table, "data_vars"):
         table = table.to_dataframe().reset_index()
-    if isinstance(table, Mapping):
-        names: Any = table.keys()
-    elif isinstance(table, np.ndarray):
-        names = table.dtype.names  # of a record array
-    else:
-        names = getattr(table, "column_names", getattr(table, "columns", None))
-    return (
-        _read_table(table, names, unit) if isinstance(names, Iterable) else _read_array(table, unit)
-    )
+    names: Any = getattr(table, "column_names", getattr(table, "columns", None))
+    if isinstance(table, Mapping | np.ndarray):  # of a record array
+        names = table.keys() if isinstance(table, Mapping) else table.dtype.names
+    named = isinstance(names, Iterable)
+    return _read_table(table, names, unit) if named else _read_array(table, unit)
 
 
 def _read_table(table: Any, names: Iterable[Any], unit: str | None) -> Samples:
@@ -75,13 +62,9 @@ def _read_table(table: Any, names: Iterable[Any], unit: str | None) -> Samples:
         begun = None if epoch is None else np.datetime64(epoch.replace(tzinfo=None), "ns")
         columns |= {"time_s": seconds} if begun is None else {"time": begun + spans}
     try:
-        log = build_log(
-            columns,
-            path=Path("table"),
-            source=Input.of_array("table", np.arange(0.0)),
-            format="table in memory",
-            unit=unit,
-        )
+        source = Input.of_array("table", np.arange(0.0))
+        facts = Facts(path=Path("table"), source=source, format="table in memory", unit=unit)
+        log = build_log(columns, **facts)
     except LogError as error:
         if len(columns) == 3 and all(column.dtype.kind in "iuf" for column in columns.values()):
             return _read_array(np.stack(list(columns.values()), axis=1), unit)

@@ -15,14 +15,18 @@ from agonic.logs.groups import read_beside
 from agonic.logs.headers.column_names import names_for, naming_scalar
 from agonic.logs.headers.columns import find_quantities
 from agonic.logs.read import open_log
-from agonic.logs.rows.auxiliary import find_reach, measure_reach
-from agonic.logs.rows.resample import interpolate_smoothly, resample
+from agonic.logs.rows.auxiliary import (
+    ATTITUDE,
+    PERIODS_DEG,
+    find_reach,
+    interpolate_smoothly,
+    measure_reach,
+    resample,
+)
 from agonic.logs.table import build_log
 from agonic.logs.text.csv_text import read_table
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples
-
-_PERIODS = {"roll_deg": 360.0, "pitch_deg": None, "heading_deg": 360.0}
 
 
 def read_attitude_beside(path: Path, samples: Samples) -> tuple[Samples, Samples]:
@@ -46,7 +50,7 @@ def read_attitude_beside(path: Path, samples: Samples) -> tuple[Samples, Samples
     chosen = samples.select(rows)
     assert chosen.time is not None
     found = {
-        name: resample(time, values, chosen.time, period=_PERIODS[name])
+        name: resample(time, values, chosen.time, period=PERIODS_DEG[name])
         for name, values in columns.items()
         if values is not None
     }
@@ -74,7 +78,7 @@ def _read(path: Path) -> tuple[Array, dict[str, Any]]:
         time, epoch, found = one.time, one.epoch, vars(one)
     if time is None or found.get("heading_deg") is None:
         raise LogError("a truth needs columns time_s and heading_deg", path=path)
-    return time, {"epoch": epoch, **{name: found.get(name) for name in _PERIODS}}
+    return time, {"epoch": epoch, **{name: found.get(name) for name in ATTITUDE}}
 
 
 def read_scalar(path: Path, header: str | None = None) -> Samples:

@@ -3,56 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
-import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 from agonic.atomic import mark_input
 from agonic.errors import AgonicError, LogError
-
-_SECTION = re.compile(rb"^\[{1,2}([\w.]+)\]{1,2}\s*(?:#.*)?$", re.MULTILINE)
-_SETTING = re.compile(rb"^[\w.-]+ *= *(?:[\"'\[{\d+-]|true|false)", re.MULTILINE)
-_SCHEMA = re.compile(rb"\s*\{\s*\"schema\":\s*\"agonic/([\w-]{1,40})@")
-_GENERATOR = b'<meta name="generator" content="agonic">'
-
-_CALIBRATION = (
-    "a calibration, no log: agonic report CAL shows it, agonic apply CAL LOG -o OUT corrects a log "
-    "with it; name the log that it is for"
-)
-
-
-@cache
-def read_not_logs() -> dict[str, Any]:
-    """The table of kinds of files that are not logs, from `not_logs.toml`."""
-    return tomllib.loads(Path(__file__).with_name("not_logs.toml").read_text("utf-8"))
-
-
-def name_own(head: bytes) -> str:
-    r"""What a file that starts with these bytes is, if agonic wrote it or reads it as settings."""
-    if schema := _SCHEMA.match(head.removeprefix(b"\xef\xbb\xbf")):
-        kind = schema[1].decode()
-        result = f"a result of agonic (agonic/{kind}), no log; name the log it was made from"
-        return _CALIBRATION if kind == "calibration" else result
-    if head.lstrip().startswith(b"<") and _GENERATOR in head:
-        return "a report of agonic, no log; name the log it was made from"
-    if b"\0" in head:  # binary: first, for the search for sections would take longer than a reader
-        return ""
-    sections = _SECTION.findall(head)
-    if not sections or not _SETTING.search(head):
-        return ""
-    settings = read_not_logs()["settings"]
-    known = next((settings[n] for name in sections if (n := name.decode()) in settings), "")
-    return known or "a file of settings (TOML), no log; name the log"
-
-
-def name_own_table(headers: Iterable[str]) -> str:
-    """What a table without a magnetometer is, by its headers, if agonic wrote it."""
-    there, tables = set(headers), read_not_logs()["tables"]
-    return next((what for marks, what in tables.items() if {*marks.split()} <= there), "")
 
 
 @contextmanager
@@ -72,6 +28,10 @@ MOST_BYTES = 500_000_000
 MOST_COMPRESSION = 1100
 """No file holds more than so many bytes of values for one of its own (deflate: 1032)."""
 _SMALL = 1_000_000
+MOST_PARTS = 64
+"""Files, sheets or sensors of one recording."""
+DEEPEST = 6
+"""Groups, structures or objects within others."""
 
 
 def check_declared(declared: int, stored: int, what: str = "it") -> None:

@@ -1,8 +1,6 @@
-"""SQLite databases, as apps and loggers write them: each table is read as a text table is.
-
-Only tables that lie in the file itself are read, never views or virtual ones, which can run code
-and read other files. What bare x, y and z are is told by the name of their table.
-"""
+"""SQLite databases, as apps and loggers write them: each table is read as a text table is, but for
+views and virtual ones, which can run code and read other files. Bare x, y and z are what their
+table is named for."""
 
 from __future__ import annotations
 
@@ -18,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.contents import MOST_BYTES
+from agonic.logs.child_process import LONGEST_S
+from agonic.logs.contents import MOST_BYTES, MOST_PARTS
 from agonic.logs.groups import build_groups_log, name_axes
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, identify_columns, refuse_many
@@ -26,12 +25,6 @@ from agonic.logs.log import Facts, Log, Table
 from agonic.logs.text.json_text import TEXTUAL, to_column
 from agonic.logs.text.long_table import build_tables_log
 from agonic.provenance import Input
-
-_MOST_TABLES = 256
-_BLOCK = 20_000
-_LONGEST_TEXT = 1000
-_LONGEST_VALUE = 100_000_000
-_LONGEST_S = 60.0
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -46,10 +39,9 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     notes = (f"rows that lie in {waiting.name} alone were not read",) * waiting.is_file()
     known = {name: table for name, table in tables.items() if identify_columns(table)}
     facts = Facts(path=path, source=source, format="SQLite database", unit=unit, others=others)
-    facts["notes"] = notes
+    facts["notes"] = (*(f"from its table {name!r}" for name in known if len(known) == 1), *notes)
     if len(known) == 1:
-        ((name, table),) = known.items()
-        facts["notes"] = (f"from its table {name!r}", *notes)
+        (table,) = known.values()
         return build_tables_log(table, **facts)
     named = {name: name_axes(table, name, alone=False) for name, table in known.items()}
     return build_groups_log(named, {name: Path(name) for name in named}, **facts)
@@ -60,10 +52,10 @@ def _open(path: Path) -> Iterator[sqlite3.Connection]:
     """The database, read only, for a limited time."""
     address = f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1"
     with closing(sqlite3.connect(address, uri=True)) as database:
-        end = time.monotonic() + _LONGEST_S
+        end = time.monotonic() + LONGEST_S
         database.set_progress_handler(lambda: time.monotonic() > end, 100_000)
         database.execute("PRAGMA trusted_schema = OFF")
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE)
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES // 5)
         database.text_factory = lambda data: data.decode("utf-8", "replace")
         yield database
 
@@ -77,7 +69,7 @@ def _read_tables(database: sqlite3.Connection) -> tuple[dict[str, Table], list[s
     tables: dict[str, Table] = {}
     others: list[str] = []
     room = MOST_BYTES // 8
-    for name in [str(row[0]) for row in listed.fetchmany(_MOST_TABLES)]:
+    for name in [str(row[0]) for row in listed.fetchmany(MOST_PARTS)]:
         headers = [str(row[1]) for row in database.execute(f"PRAGMA table_info({_quote(name)})")]
         refuse_many(len(headers))
         wanted = find_columns(rename_headers(headers))
@@ -87,7 +79,7 @@ def _read_tables(database: sqlite3.Connection) -> tuple[dict[str, Table], list[s
         # without what is no reading: blobs and long texts, one of which may fill memory
         chosen = ", ".join(
             f"CASE WHEN typeof({column}) IN ('integer', 'real') OR (typeof({column}) = 'text' AND "
-            f"length({column}) <= {_LONGEST_TEXT}) THEN {column} END"
+            f"length({column}) <= 1000) THEN {column} END"
             for column in (_quote(headers[i]) for i in wanted)
         )
         rows = database.execute(f"SELECT {chosen} FROM {_quote(name)}")
@@ -99,9 +91,7 @@ def _read_tables(database: sqlite3.Connection) -> tuple[dict[str, Table], list[s
 
 
 def _quote(name: str) -> str:
-    """A name as SQL has it."""
-    doubled = name.replace('"', '""')
-    return f'"{doubled}"'
+    return '"' + name.replace('"', '""') + '"'
 
 
 def _read_rows(rows: sqlite3.Cursor, names: list[str], most: int) -> Table:
@@ -110,7 +100,7 @@ def _read_rows(rows: sqlite3.Cursor, names: list[str], most: int) -> Table:
     textual = {name: quantities[name] in TEXTUAL for name in names}
     blocks: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
     count = 0
-    while block := rows.fetchmany(_BLOCK):
+    while block := rows.fetchmany(20_000):
         count += len(block)
         if count > most:
             raise LogError("a table is too long for memory (500 MB); write it as Parquet")

@@ -1,7 +1,5 @@
-"""Folders and ZIP archives that hold one recording, a file for each sensor, as phones write them.
-
-The tables are brought together by their times, as those of a bag are. What bare x, y and z are is
-told by the name of their file: `Gyroscope.csv`, `mpu6050_accelerometer.mat`.
+"""Folders and ZIP archives that hold one recording, a file for each sensor, as phones write them:
+brought together by their times. Bare x, y and z are what their file is named for: `Gyroscope.csv`.
 """
 
 from __future__ import annotations
@@ -14,22 +12,18 @@ from tempfile import TemporaryDirectory
 from zipfile import BadZipFile, ZipFile
 
 from agonic.errors import LogError
-from agonic.logs.contents import check_declared, read_not_logs
-from agonic.logs.formats import FOLDER, HEAD_BYTES, JSON, MATLAB, TEXT, format_of
+from agonic.logs.contents import MOST_PARTS, check_declared
+from agonic.logs.formats import FOLDER, JSON, KINDS, MATLAB, TEXT, format_of, read_head
 from agonic.logs.groups import INERTIAL, build_groups_log, name_axes
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.log import Log, Table
 from agonic.provenance import Input
 
-_MOST_FILES = 64
-_MOST_FIELDS = 4
-_OFFICE = "[Content_Types].xml"
-
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a folder or an archive is; `unit` is that of the field where none is named."""
     if path.is_dir():
-        for name, what in read_not_logs()["folders"].items():
+        for name, what in KINDS["folders"].items():
             if (path / name).is_file():
                 raise LogError(f"this is the folder of {what}")
         return _read_folder(path, path, source, unit)
@@ -38,23 +32,18 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         files = list(Path(made).iterdir())
         if len(files) != 1:
             return _read_folder(Path(made), path, source, unit)
-        kind = format_of(_read_head(files[0]))
+        kind = format_of(read_head(files[0]))
         if kind == FOLDER:
             raise LogError(f"an archive within an archive ({files[0].name}); unpack it")
         log: Log = kind.reader.read(files[0], source, *(() if kind.unit_fixed else (unit,)))
         return replace(log, path=path, notes=(f"from {files[0].name} in the archive", *log.notes))
 
 
-def _read_head(file: Path) -> bytes:
-    with file.open("rb") as stream:
-        return stream.read(HEAD_BYTES)
-
-
 def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> Log:
     files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
     if not files:
         raise LogError("there are no files in it; name a log")
-    if len(files) > _MOST_FILES:
+    if len(files) > MOST_PARTS:
         raise LogError(_say_several(files, path))
     tables: dict[str, Table] = {}
     notes: list[str] = []
@@ -72,7 +61,7 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
         raise LogError(f"no file in it holds a magnetometer ({_list_files(files)})")
     # one recording: what stands beside the magnetometers is in files of its own
     apart = len(found) > len(fields) and not any(found[n].keys() & INERTIAL for n in fields)
-    if len(files) > 1 and not (apart and len(fields) <= _MOST_FIELDS):
+    if len(files) > 1 and not (apart and len(fields) < 5):
         raise LogError(_say_several(files, path))
     paths = {name: Path(name) for name in tables}
     format = "a file for each sensor"
@@ -97,7 +86,7 @@ def _list_files(files: Iterable[Path]) -> str:
 
 def _read_tables(file: Path) -> list[Table]:
     """The columns that are understood in a file, a table for each clock."""
-    kind = format_of(_read_head(file))
+    kind = format_of(read_head(file))
     if kind in (TEXT, JSON):
         return [kind.reader.read_table(file)[0]]
     if kind == MATLAB:
@@ -111,9 +100,9 @@ def _unpack(path: Path, folder: Path) -> None:
     try:
         with ZipFile(path) as archive:
             members = [m for m in archive.infolist() if m.file_size and m.filename[-1:] != "/"]
-            if _OFFICE in archive.namelist():
+            if "[Content_Types].xml" in archive.namelist():
                 raise LogError("this is a workbook or a document; save the sheet as CSV")
-            if len(members) > _MOST_FILES:
+            if len(members) > MOST_PARTS:
                 raise LogError(f"{len(members)} files in it; unpack it and name one")
             check_declared(sum(m.file_size for m in members), path.stat().st_size)
             for member in members:

@@ -1,4 +1,5 @@
-"""The kinds of files that are read, and how the first bytes of each are known.
+"""The kinds of files that are read, and how the first bytes of each are known: `formats.toml`. It
+also tells what files are that are no logs.
 
 Nothing but the standard library is imported here: a reader, with the libraries that it needs, is
 imported when a file of its kind is opened.
@@ -8,7 +9,8 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -17,11 +19,11 @@ from typing import Any, NamedTuple
 
 from agonic.errors import AgonicError, LogError
 
+KINDS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 HEAD_BYTES = 65536
 """How much of a file tells of its kind."""
-
-_STRAY = 0.02
-"""Share of control characters below which lines of plain letters are still text."""
+METADATA = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
 
 _FMT = re.compile(rb"\xa3\x95\x80..\w{1,4}\0{0,3}[A-Za-z]{1,16}\0*\w", re.DOTALL)
 FMT_TEXT = re.compile(rb"^FMT, ?\d+, ?\d+, ?\w+, ?\w+, ?\w+", re.MULTILINE)
@@ -43,6 +45,12 @@ def find_packing(file: Path) -> str:
     with file.open("rb") as stream:
         head = stream.read(8)
     return next((packing for mark, packing in PACKED.items() if head.startswith(mark)), "")
+
+
+def read_head(file: Path) -> bytes:
+    """The first bytes of a file."""
+    with file.open("rb") as stream:
+        return stream.read(HEAD_BYTES)
 
 
 class Format(NamedTuple):
@@ -72,30 +80,9 @@ class Format(NamedTuple):
         return not hasattr(self.reader, "accepts") or bool(self.reader.accepts(head))
 
 
-def _starts(*marks: bytes) -> Callable[[bytes], bool]:
-    """The mark of files that start with one of these."""
-    return lambda head: head.startswith(marks)
-
-
 def is_dataflash(head: bytes) -> bool:
     """Whether a message of type FMT stands in it, binary or text."""
     return bool(_FMT.search(head) or (b"FMT," in head and FMT_TEXT.search(head)))
-
-
-def _is_first(head: bytes, *starts: bytes, end: bytes = b"") -> bool:
-    """Whether the name of the first member of a ZIP archive begins, and ends, so."""
-    name = head[30 : 30 + int.from_bytes(head[26:28], "little")]
-    return head.startswith(b"PK\x03\x04") and name.startswith(starts) and name.endswith(end)
-
-
-def _is_numpy(head: bytes) -> bool:
-    return head.startswith(b"\x93NUMPY") or _is_first(head, b"", end=b".npy")
-
-
-def _is_vires(head: bytes) -> bool:
-    """Whether the first lines are a header with a time stamp and a row with a vector."""
-    header, row, *_ = (head + b"\n\n").split(b"\n", 2)
-    return b"Timestamp" in header.split(b",") and b"{" in row and b";" in row
 
 
 def is_wide(data: bytes) -> bool:
@@ -119,20 +106,8 @@ def _is_text(head: bytes) -> bool:
     written = head.rstrip(b"\0")
     stray = len(written.translate(None, bytes(range(32, 256)) + b"\t\n\r\f"))
     if stray:  # a serial line may add some
-        return b"\n" in written and written.isascii() and stray < _STRAY * len(written)
+        return b"\n" in written and written.isascii() and stray < 0.02 * len(written)
     return bool(written)
-
-
-def _is_bag(head: bytes) -> bool:
-    """Whether it begins like a ROS 1 bag, an MCAP recording or the database of a ROS 2 bag."""
-    database = head.startswith(b"SQLite format 3\0") and b"topics" in head and b"messages" in head
-    return database or head.startswith((b"#ROSBAG V2", b"\x89MCAP0\r\n"))
-
-
-def _is_workbook(head: bytes) -> bool:
-    """Whether the first member of a ZIP archive is one of a document of an office."""
-    opendocument = _is_first(head, b"mimetype", end=b"mimetype") and b"opendocument" in head[38:138]
-    return opendocument or _is_first(head, b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/")
 
 
 _JSON_BEGINS = re.compile(rb"\s*(\[\s*(\[\s*(-?\d+(\.\d+)?([eE][-+]?\d+)?\s*[],]|\")|\{)|\{)")
@@ -147,38 +122,25 @@ def _is_json(head: bytes) -> bool:
 
 
 JSON = Format("JSON (.json, .jsonl)", "text.json_text", _is_json)
-WORKBOOK = Format("workbooks (.xlsx, .ods)", "workbook", _is_workbook)
-ARROW = Format("Arrow and Feather", "arrow", _starts(b"ARROW1\0\0", b"\xff\xff\xff\xff"))
-DATABASE = Format("SQLite", "database", _starts(b"SQLite format 3\0"))
-FOLDER = Format("ZIP archives and folders of tables", "folder", _starts(b"PK\x03\x04"))
-ROS = Format("ROS bags (.bag, .db3, .mcap, a folder of ROS 2)", "ros.bag", _is_bag)
-PARQUET = Format("Parquet", "parquet", _starts(b"PAR1"))
-MATLAB = Format(
-    "MATLAB (.mat)", "arrays.matlab", _starts(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")
-)
 TEXT = Format("text tables (.csv, .tsv, .txt)", "text.csv_text", _is_text)
 
+
+def _make_format(mark: str, **row: Any) -> Format:
+    """The kind of file that a row of the table tells of."""
+    begins = re.compile(mark.encode("latin-1"), re.DOTALL)
+    return Format(mark=lambda head: begins.match(head) is not None, **row)
+
+
 FORMATS = (
-    Format("PX4 ULog (.ulg)", "px4.ulog", _starts(b"ULog\x01\x12\x35"), unit_fixed=True),
-    PARQUET,
-    ROS,
-    DATABASE,
-    MATLAB,
-    Format("NumPy (.npz, .npy)", "arrays.numpy_archive", _is_numpy),
-    WORKBOOK,
-    FOLDER,
+    *(_make_format(**row) for row in KINDS["formats"]),
     JSON,
-    ARROW,
-    Format("CDF", "space.cdf", _starts(b"\xcd\xf3\x00\x01", b"\xcd\xf2\x60\x02")),
-    Format("netCDF", "space.netcdf", _starts(b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02")),
-    Format("IAGA-2002", "space.iaga2002", _starts(b" Format                 IAGA-2002")),
-    Format("VirES", "space.variables", _is_vires),
-    Format(  # a time stamp begins with a zero byte, which no text has
-        "MAVLink telemetry (.tlog)", "ardupilot.tlog", lambda head: b"\0" in head, unit_fixed=True
-    ),
     Format("ArduPilot dataflash (.bin, .log)", "ardupilot.dataflash", is_dataflash, True),
 )
 """Files that begin with a mark, in the order in which they are tried; all others are `TEXT`."""
+PARQUET, ROS, MATLAB, WORKBOOK, FOLDER, ARROW = (
+    next(kind for kind in FORMATS if kind.name.startswith(name))
+    for name in ("Parquet", "ROS", "MATLAB", "workbooks", "ZIP", "Arrow")
+)
 
 READERS = "agonic.readers"
 """The entry points by which an installed package adds a `Format`."""
@@ -211,22 +173,48 @@ def load_installed(group: str) -> dict[str, Any]:
     return loaded
 
 
+_SECTION = re.compile(rb"^\[{1,2}([\w.]+)\]{1,2}\s*(?:#.*)?$", re.MULTILINE)
+_SETTING = re.compile(rb"^[\w.-]+ *= *(?:[\"'\[{\d+-]|true|false)", re.MULTILINE)
+_SCHEMA = re.compile(rb"\s*\{\s*\"schema\":\s*\"agonic/([\w-]{1,40})@")
+_GENERATOR = b'<meta name="generator" content="agonic">'
+
+
+def name_own(head: bytes) -> str:
+    r"""What a file that starts with these bytes is, if agonic wrote it or reads it as settings."""
+    if schema := _SCHEMA.match(head.removeprefix(b"\xef\xbb\xbf")):
+        kind = schema[1].decode()
+        result = f"a result of agonic (agonic/{kind}), no log; name the log it was made from"
+        return KINDS["calibration"] if kind == "calibration" else result
+    if head.lstrip().startswith(b"<") and _GENERATOR in head:
+        return "a report of agonic, no log; name the log it was made from"
+    if b"\0" in head:  # binary: first, for the search for sections would take longer than a reader
+        return ""
+    sections = _SECTION.findall(head)
+    if not sections or not _SETTING.search(head):
+        return ""
+    settings = KINDS["settings"]
+    known = next((settings[n] for name in sections if (n := name.decode()) in settings), "")
+    return known or "a file of settings (TOML), no log; name the log"
+
+
+def name_own_table(headers: Iterable[str]) -> str:
+    """What a table without a magnetometer is, by its headers, if agonic wrote it."""
+    there, tables = set(headers), KINDS["tables"]
+    return next((what for marks, what in tables.items() if {*marks.split()} <= there), "")
+
+
 def format_of(head: bytes) -> Format:
     """The kind of a file that starts with these bytes, or a `LogError` that says what it is."""
     begins = head.removeprefix(codecs.BOM_UTF8).lstrip()
     # all of agonic's own begin with a brace or a tag, or have a line with a bracket
-    if begins.startswith((b"{", b"<")) or head.startswith(b"[") or b"\n[" in head:
-        from agonic.logs.contents import name_own
-
-        if own := name_own(head):
-            raise LogError(f"this is {own}")
+    marked = begins.startswith((b"{", b"<")) or head.startswith(b"[") or b"\n[" in head
+    if marked and (own := name_own(head)):
+        raise LogError(f"this is {own}")
     known: tuple[Format, ...] = (*FORMATS, *load_installed(READERS).values())
     for kind in known:
         if kind.accepts(head):
             return kind
-    from agonic.logs.contents import read_not_logs
-
-    for offset, mark, what in read_not_logs()["signatures"]:
+    for offset, mark, what in KINDS["signatures"]:
         if head[offset:].startswith(mark.encode("latin-1")):
             raise LogError(f"this is {what}, no log; {READ}")
     if not TEXT.accepts(head):

@@ -1,5 +1,4 @@
-"""Tables with clocks of their own, as bags, structures, sheets and tagged lines hold them, into one
-log.
+"""Tables with clocks of their own, as bags, structures, sheets and tagged lines hold them: one log.
 
 Each table with a magnetometer gives its sensors; what they lack is taken from the other tables,
 interpolated at their readings. A column is not carried over holes: where more than a few readings
@@ -20,21 +19,23 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.headers.columns import identify_columns
-from agonic.logs.headers.conventions import apply_conventions, find_named_quantity
+from agonic.logs.headers.columns import apply_conventions, find_named_quantity, identify_columns
 from agonic.logs.headers.header import identify_column
 from agonic.logs.headers.quantities import BY_COLUMN, FALLBACK
 from agonic.logs.log import Facts, Log, Stream, Table
-from agonic.logs.rows.auxiliary import PERIODS_DEG, find_reach, measure_reach, set_angle_unit
+from agonic.logs.rows.auxiliary import (
+    PERIODS_DEG,
+    find_reach,
+    measure_reach,
+    resample,
+    set_angle_unit,
+)
 from agonic.logs.rows.beside import AUXILIARY, Part, read_columns, read_disturbers
-from agonic.logs.rows.resample import resample
 from agonic.logs.rows.times import find_clocks, find_time
 from agonic.logs.table import build_log, refuse_no_magnetometer
 from agonic.provenance import Input
 from agonic.samples import Samples
 
-_FEW = 0.01
-"""Share of the readings that may lie in a hole of another table."""
 INERTIAL = {"acceleration": "acc", "rotation_rate": "gyro"}
 """What is recorded beside a field in files and rows of its own, and how its columns are called."""
 
@@ -96,13 +97,12 @@ def build_groups_log(
         refuse_no_magnetometer([header for table in groups.values() for header in table], others)
     known: Counter[str] = Counter()
     sensors = []
-    for group, log in logs:
-        for samples in log.sensors:
-            alone = len(log.sensors) == 1 and samples.name == "mag"
-            name = (group if alone else f"{group} {samples.name}") if group else samples.name
-            known[name] += 1
-            numbered = name if known[name] == 1 else f"{name} #{known[name]}"
-            sensors.append(_complete(samples, group, beside).with_columns(name=numbered))
+    for group, those, samples in ((g, log.sensors, one) for g, log in logs for one in log.sensors):
+        alone = len(those) == 1 and samples.name == "mag"
+        name = (group if alone else f"{group} {samples.name}") if group else samples.name
+        known[name] += 1
+        numbered = name if known[name] == 1 else f"{name} #{known[name]}"
+        sensors.append(_complete(samples, group, beside).with_columns(name=numbered))
     streams = [stream for _, log in logs for stream in log.streams]
     streams += [Stream.at(one.name, one.rows, one.time) for one in beside if one.name]
     streams += [Stream(name=name, rows=0) for name in others]
@@ -115,10 +115,9 @@ def read_beside(name: str, table: Table, path: Path) -> Beside:
     found = set_angle_unit(found, table)
     rows = len(next(iter(table.values())))
     number = next((n for q, groups in found.items() if q != "time" for n in groups), "")
-    part = Part(
-        table=table, found=found, rows=None, clocks=find_clocks(table, found, [number]), unit=None,
-        source=Input(name=name, sha256="", count=rows), remarks=(),
-    )  # fmt: skip
+    source = Input(name=name, sha256="", count=rows)
+    clocks = find_clocks(table, found, [number])
+    part = Part(table=table, found=found, rows=None, clocks=clocks, source=source)
     every = np.ones(rows, dtype=bool)
     time, epoch, notes = find_time(part.clock(number), np.zeros((rows, 3)), every)
     columns, estimated, remarks = read_columns(part, number, time, ~every)
@@ -185,6 +184,6 @@ def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | 
     if not known.any():
         return None
     time = other.time[known] + shift
-    if np.mean(measure_reach(time, samples.time) > find_reach(name, time)) > _FEW:
+    if np.mean(measure_reach(time, samples.time) > find_reach(name, time)) > 0.01:
         return None
     return resample(time, values[known], samples.time, period=PERIODS_DEG.get(name))

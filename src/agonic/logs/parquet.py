@@ -1,8 +1,9 @@
-"""Parquet tables, with pyarrow; columns are named as those of a text table are."""
+"""Parquet, Arrow and Feather tables, with pyarrow; columns are named as those of a text table."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from queue import Full, Queue
 from threading import Event, Thread
@@ -16,32 +17,33 @@ from agonic.logs.contents import explain_damage
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
 from agonic.logs.headers.header import name_quantity
-from agonic.logs.log import About, Log
+from agonic.logs.log import Log, Table
 from agonic.logs.remote import Remote
 from agonic.logs.text.long_table import build_tables_log
 from agonic.provenance import Input
 
+_MARK = b"PAR1"
+_FILE = b"ARROW1\0\0"
 _INDEX = "__index_level_0__"
 _LARGEST_FOOTER = 16_000_000
 """Bytes; 200 are a column. Far more than a log needs, and refused before it costs anything."""
 
 
 _PLAIN = {"double", "float", *(f"{sign}int{8 << k}" for sign in ("", "u") for k in range(4))}
-_REQUEST = 8 << 20
-"""Bytes of a column that are asked of object storage at a time."""
-_AHEAD = 2
-"""Batches that wait, decoded."""
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a Parquet table is; `unit` is that of the field where no column names one."""
+    """The log that a table is; `unit` is that of the field where no column names one."""
+    with path.open("rb") as stream:
+        parquet = stream.read(len(_MARK)) == _MARK
     with explain_damage():
-        table, about = read_table(path)
-    return build_tables_log(table, path=path, source=source, unit=unit, **about)
+        table, others = read_table(path) if parquet else _read_arrow(path)
+    kind = "Parquet table" if parquet else "Arrow table"
+    return build_tables_log(table, path=path, source=source, format=kind, unit=unit, others=others)
 
 
-def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], About]:
-    """The columns that are understood, by header, and what to say of the file."""
+def read_table(path: Path) -> tuple[Table, list[str]]:
+    """The columns that are understood of a Parquet table, by header, and the others."""
     with _open_parquet(path) as file:
         schema = file.schema
         headers = [schema.column(i).path for i in range(len(schema))]
@@ -53,8 +55,7 @@ def read_table(path: Path) -> tuple[dict[str, NDArray[Any]], About]:
         for header in columns.column_names
         if header in wanted
     }
-    others = [header for header in headers if header not in wanted]
-    return table, {"format": "Parquet table", "others": others}
+    return table, [header for header in headers if header not in wanted]
 
 
 def _name_index(headers: list[str], schema: Any) -> list[str]:
@@ -93,7 +94,7 @@ def read_ahead(
 ) -> Iterator[dict[str, NDArray[Any]]]:
     """Some columns, `size` rows at a time, decoded ahead of whoever works on them. A thread decodes
     the next few while the last are at work; nulls become NaN."""
-    queue: Queue[dict[str, NDArray[Any]] | BaseException | None] = Queue(maxsize=_AHEAD)
+    queue: Queue[dict[str, NDArray[Any]] | BaseException | None] = Queue(maxsize=2)
     stopped = Event()
 
     def put(item: dict[str, NDArray[Any]] | BaseException | None) -> bool:
@@ -148,5 +149,54 @@ def _open_parquet(path: Path | Remote) -> Any:
         if int.from_bytes(stream.read(4), "little") > _LARGEST_FOOTER:
             raise LogError("its list of columns is too long for a log, or damaged")
     if isinstance(path, Remote):
-        return ParquetFile(path.open(), pre_buffer=False, buffer_size=_REQUEST)
+        return ParquetFile(path.open(), pre_buffer=False, buffer_size=8 << 20)  # a request
     return ParquetFile(path, pre_buffer=False, buffer_size=1 << 20)
+
+
+def _read_arrow(path: Path) -> tuple[Table, list[str]]:
+    """The columns that are understood, and the others: those of structures by dotted names, vectors
+    by [0], [1], [2]."""
+    try:
+        import pyarrow as pa
+    except ImportError:
+        raise MissingExtraError("reading an Arrow file", "tables") from None
+    # no message can ask for more than there is
+    with pa.BufferReader(path.read_bytes()) as file:
+        batches = list(_read_batches(pa, file))
+    if not batches:
+        raise LogError("it holds no rows")
+    table = pa.Table.from_batches(batches).flatten().flatten()
+    columns: dict[str, Any] = {}
+    for at, field in enumerate(table.schema):
+        columns |= _take_apart(pa, field, table.column(at))
+    names = list(columns)
+    wanted = find_columns(rename_headers(names))
+    others = [name for i, name in enumerate(names) if i not in wanted]
+    return {name: columns[names[i]].to_numpy() for i, name in wanted.items()}, others
+
+
+def _read_batches(pa: Any, file: Any) -> Iterator[Any]:
+    """The batches of a file or a stream, whose offsets may lead anywhere: each is checked."""
+    whole = file.read(len(_FILE)) == _FILE
+    file.seek(0)
+    reader = pa.ipc.open_file(file) if whole else pa.ipc.open_stream(file)
+    numbers = range(reader.num_record_batches) if whole else count()
+    for number in numbers:
+        try:
+            batch = reader.get_batch(number) if whole else reader.read_next_batch()
+        except StopIteration:
+            return
+        batch.validate(full=True)
+        yield batch
+
+
+def _take_apart(pa: Any, field: Any, column: Any) -> dict[str, Any]:
+    """A column by its name; one of lists of three as its components."""
+    if pa.types.is_null(field.type):
+        return {}
+    if pa.types.is_fixed_size_list(field.type) and field.type.list_size == 3:
+        flat = pa.chunked_array([chunk.flatten() for chunk in column.chunks], field.type.value_type)
+        if len(flat) == 3 * len(column):
+            values = flat.to_numpy()
+            return {f"{field.name}[{k}]": pa.chunked_array([values[k::3]]) for k in range(3)}
+    return {field.name: column}

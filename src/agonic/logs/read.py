@@ -27,7 +27,6 @@ from agonic.samples import Samples
 from agonic.units import find_unit
 
 _ENDINGS = (".gz", ".gzip", ".bz2", ".xz", ".lzma", ".zst", ".zstd")
-_MOST_BYTES = 8_000_000_000
 _PIECE = 1 << 20
 _DAMAGE = (EOFError, OSError, zlib.error, lzma.LZMAError)
 
@@ -45,12 +44,13 @@ def unpack(file: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
         yield plain, _write(file, packing, plain)
 
 
-def read_head(file: Path, size: int) -> bytes:
+def _read_packed_head(file: Path, size: int) -> bytes:
     """The first bytes of a file, of a compressed one those that are packed in it."""
     packing = formats.find_packing(file)
     head = b""
     with _open(file, packing) if packing else file.open("rb") as stream, suppress(*_DAMAGE):
-        while len(head) < size and (piece := _take(stream, size)):
+        take = getattr(stream, "read1", stream.read)  # before it fails, what there is
+        while len(head) < size and (piece := take(size)):
             head += piece
     return head[:size]
 
@@ -66,18 +66,14 @@ def _open(file: Path, packing: str) -> Any:
     return pyarrow.CompressedInputStream(pyarrow.OSFile(str(file)), "zstd")
 
 
-def _take(stream: Any, size: int) -> bytes:
-    """The next bytes; before the stream fails, those that there are."""
-    return bytes(getattr(stream, "read1", stream.read)(size))
-
-
 def _write(file: Path, packing: str, plain: Path) -> tuple[str, ...]:
     """Unpack a file as far as it can be; a note where it ends early."""
     written = 0
     with _open(file, packing) as stream, plain.open("wb") as target:
+        take = getattr(stream, "read1", stream.read)
         while True:
             try:
-                piece = _take(stream, _PIECE)
+                piece = bytes(take(_PIECE))
             except _DAMAGE as error:
                 if written:
                     return (f"the compressed file is damaged after {written} bytes of its content",)
@@ -85,17 +81,14 @@ def _write(file: Path, packing: str, plain: Path) -> tuple[str, ...]:
             if not piece:
                 return ()
             written += target.write(piece)
-            if written > _MOST_BYTES:
+            if written > 2 * MOST_MEMORY:
                 raise LogError("unpacked it takes more than 8 GB; unpack it, and cut it")
 
 
-METADATA = "metadata.yaml"
-"""What makes a folder a ROS 2 bag."""
 UNFORESEEN = "damaged, or not what it looks like"
 """What is said where a reader failed in a way that it does not foresee: `make fuzz` finds these."""
 LONG_TEXT = 32_000_000
 """Bytes from which a text, which takes some twenty times as much memory, is read by a child."""
-_LONG = 1_000_000  # bytes from which a checksum takes longer than the start of a thread
 
 
 def open_log(
@@ -153,12 +146,12 @@ def open_log(
 
 def _open_plain(plain: Path, file: Path, unit: str | None, names: ColumnNames | None) -> Log:
     """The log of a file that lies unpacked at `plain`, with the name and the hash of itself."""
-    if (plain / METADATA).is_file():
+    if (plain / formats.METADATA).is_file():
         kind = formats.ROS
     else:
         kind = formats.FOLDER if plain.is_dir() else formats.format_of(_head(plain))
     source = Input(name=file.name, sha256="", count=0)
-    if file.is_file() and file.stat().st_size < _LONG:
+    if file.is_file() and file.stat().st_size < _PIECE:  # a thread starts as fast
         return _sign(_read(kind, plain, source, unit, names), _hash(file))
     with ThreadPoolExecutor(1) as beside:
         hashed = beside.submit(_hash, file)  # a tenth of the time, on another core
@@ -238,9 +231,7 @@ def _head(file: Path) -> bytes:
         raise LogError("there is no such file")
     if not file.is_file():
         raise LogError("this is a device or a pipe, not a file")
-    with file.open("rb") as stream:
-        head = stream.read(formats.HEAD_BYTES)
-    if not head:
+    if not (head := formats.read_head(file)):
         raise LogError("the file is empty")
     return head
 
@@ -285,7 +276,7 @@ def accepts(path: Path | str) -> bool:
     """Whether a file, or what is packed in it, begins like what `open_log` reads; any text does."""
     try:
         _head(Path(path))
-        formats.format_of(read_head(Path(path), formats.HEAD_BYTES))
+        formats.format_of(_read_packed_head(Path(path), formats.HEAD_BYTES))
     except (AgonicError, OSError):
         return False
     return True

@@ -21,8 +21,7 @@ from agonic.errors import LogError, MissingExtraError
 NATIVE = frozenset(("s3", "gs", "gcs", "abfs", "abfss", "hdfs", "viewfs"))
 """What pyarrow opens without fsspec."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
-_PIECE = 1 << 22
-"""Bytes that are asked for at a time: a request costs some hundredths of a second."""
+_PIECE = 1 << 22  # bytes; a request costs some hundredths of a second
 
 
 @dataclass(frozen=True)
@@ -36,15 +35,8 @@ class Remote:
         """The last part of the path, without what follows a question mark."""
         return PurePosixPath(self.url.partition("?")[0]).name
 
-    @property
-    def suffix(self) -> str:
-        """As of a `Path`."""
-        return PurePosixPath(self.name).suffix
-
-    @property
-    def stem(self) -> str:
-        """As of a `Path`."""
-        return PurePosixPath(self.name).stem
+    suffix = property(lambda self: PurePosixPath(self.name).suffix)
+    stem = property(lambda self: PurePosixPath(self.name).stem)
 
     def measure(self) -> tuple[int, int]:
         """Bytes, and when it was written, ns."""

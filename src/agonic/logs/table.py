@@ -12,37 +12,30 @@ import numpy as np
 
 from agonic.arrays import Index
 from agonic.errors import LogError, TwoAxisError
+from agonic.logs.contents import MOST_PARTS
+from agonic.logs.formats import name_own_table
 from agonic.logs.headers.column_names import suggest_names
 from agonic.logs.headers.columns import (
+    CORRECTED,
+    OF_DEVICE,
+    OFFSETS,
     Identified,
+    apply_conventions,
     find_doubtful,
     find_quantities,
     find_rivals,
     identify_columns,
-)
-from agonic.logs.headers.conventions import (
-    CORRECTED,
-    OF_DEVICE,
-    OFFSETS,
-    apply_conventions,
     is_corrected,
 )
 from agonic.logs.headers.header import LONGEST, name_quantity
 from agonic.logs.headers.quantities import FALLBACK, LAST
 from agonic.logs.log import TORN, Facts, Log, Stream, Table, are_two_axes_allowed
-from agonic.logs.rows.auxiliary import (
-    find_field_unit,
-    find_finite_rows,
-    set_angle_unit,
-    state_unit,
-)
+from agonic.logs.rows import auxiliary
 from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
-_MOST_SENSORS = 64
-_INERTIAL = {"acceleration": "an accelerometer", "rotation_rate": "a gyroscope"}
 _CLOCKS = frozenset(("time", "date", "hour", "gps_tow"))
 _MAGNITUDE = re.compile(
     r"(?:mag(?:\d|_?field)?|tmi|tmf|total_?field|b_?total|scalar_?\w*)[\s_]*[(\[]?(?:nt)?[)\]]?",
@@ -65,8 +58,10 @@ def build_log(table: Table, **facts: Unpack[Facts]) -> Log:
     if not fields:
         refuse_no_magnetometer(table, others)
     fields.sort(key=lambda number: is_corrected(axes[number]))  # the raw one is first
-    found, documented = apply_conventions(state_unit(found, table), headers, facts["path"].stem)
-    found = set_angle_unit(found, table)
+    found, documented = apply_conventions(
+        auxiliary.state_unit(found, table), headers, facts["path"].stem
+    )
+    found = auxiliary.set_angle_unit(found, table)
     whole = Part(
         table=table,
         found=found,
@@ -133,8 +128,8 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
     field = part.values(axes)
     if len(axes) == 2:
         field = np.column_stack([field, np.zeros(len(field))])
-    unit, unit_notes = find_field_unit(axes, part.unit, field)
-    readings = find_finite_rows(field)
+    unit, unit_notes = auxiliary.find_field_unit(axes, part.unit, field)
+    readings = auxiliary.find_finite_rows(field)
     time, epoch, time_notes = find_time(part.clock(number), field, readings)
     columns, estimated, remarks = read_columns(part, number, time, readings)
     disturbers, beside = read_disturbers(part, time, readings)
@@ -147,6 +142,9 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         remarks = (*remarks, f"{len(foreign)} rows are of other sensors")
     if columns.get("second") is not None:  # `Samples` takes it in the unit of the field
         columns["second"] = columns["second"] / nanotesla_per(unit)
+    frame = pick(part.found.get("frame", {}), "").get("")
+    letters = set() if frame is None else set(map(str, part.take(part.table[frame.header])))
+    letter = letters.pop() if len(letters) == 1 else ""  # where all rows agree
     notes = (*by_device, *unit_notes, *time_notes, *sorted_notes, *remarks, *beside)
     samples = Samples(
         field=field,
@@ -155,7 +153,7 @@ def _read_sensor(part: Part, name: str, number: str) -> Samples:
         epoch=epoch,
         name=name,
         axes="".join(sorted(axes)),
-        frame=_find_frame(part),
+        frame=letter if len(letter) == 1 and letter.isalpha() else "m",
         heading_estimated=estimated,
         corrected=CORRECTED in part.remarks or bool(by_device),
         disturbers=disturbers,
@@ -179,14 +177,6 @@ def _put_in_order(part: Part, number: str) -> tuple[Part, tuple[str, ...]]:
     return replace(part, rows=order if part.rows is None else part.rows[order]), notes
 
 
-def _find_frame(part: Part) -> str:
-    """The letter in a `frame` column, where all rows agree on one; "m" otherwise."""
-    column = pick(part.found.get("frame", {}), "").get("")
-    letters = set() if column is None else set(map(str, part.take(part.table[column.header])))
-    letter = letters.pop() if len(letters) == 1 else ""
-    return letter if len(letter) == 1 and letter.isalpha() else "m"
-
-
 def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
     """The rows of each sensor that a `sensor` column names, in order of appearance. A sensor whose
     own name says that it is an accelerometer or a gyroscope is left out. A column that may number
@@ -206,7 +196,7 @@ def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
         if not 1 < count <= len(which) // 8 or (column.rank == LAST and not alternate):
             yield "", whole.rows
             return
-    if len(names) > _MOST_SENSORS:
+    if len(names) > MOST_PARTS:
         raise LogError(f"{column.header!r} names {len(names)} sensors; is it another quantity?")
     for k in np.argsort(first):
         if len(names[k]) < 2 or name_quantity(f"{names[k]} x") in ("", "field"):
@@ -215,8 +205,6 @@ def _split_rows(whole: Part) -> Iterator[tuple[str, Index | None]]:
 
 def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoReturn:
     """Raise `LogError` that says what there is instead of a magnetometer, and what is needed."""
-    from agonic.logs.contents import name_own_table
-
     known = list(headers)
     every = [*known, *others]
     if own := name_own_table(every):
@@ -237,7 +225,8 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
             "scalar magnetometer reads it; x, y and z are needed"
         )
     part = f"only {', '.join(parts[:4])} of x, y and z" if parts else "no magnetometer columns"
-    other = next((said for name, said in _INERTIAL.items() if name in named.values()), "")
+    sensors = {"acceleration": "an accelerometer", "rotation_rate": "a gyroscope"}
+    other = next((said for name, said in sensors.items() if name in named.values()), "")
     beside = f" (of {other} only; if the magnetometer is in a file beside it, name the folder)"
     said = f"{part} found among {have}{beside if other and not parts else ''}; say which they are: "
     said += suggest_names(every)
@@ -246,22 +235,16 @@ def refuse_no_magnetometer(headers: Iterable[str], others: Iterable[str]) -> NoR
     raise LogError(said)
 
 
-_BEGINNINGS = [
-    datetime(1970, 1, 1, tzinfo=UTC),  # Unix
-    datetime(1980, 1, 1, tzinfo=UTC),  # MS-DOS, and files on memory cards
-    datetime(1980, 1, 6, tzinfo=UTC),  # GPS
-]
-_RUNNING = timedelta(days=2)  # that it may have run for
-
-
 def leave_out_date(samples: Samples) -> Samples:
-    """The readings without their date, where it is the one that an unset clock has. A log with
-    positions keeps it: what tells the place tells the time as well."""
+    """The readings without their date, where it is the one that an unset clock has: within two days
+    of 1970 (Unix) or of the first week of 1980 (memory cards, GPS). A log with positions keeps it:
+    what tells the place tells the time as well."""
     if samples.epoch is None or samples.latitude_deg is not None or not len(samples):
         return samples
     seconds = 0.0 if samples.time is None else float(np.nan_to_num(samples.time[0]))
-    since = [samples.epoch - beginning + timedelta(seconds=seconds) for beginning in _BEGINNINGS]
-    if not any(timedelta(0) <= ran < _RUNNING for ran in since):
+    begun = [datetime(*day, tzinfo=UTC) for day in ((1970, 1, 1), (1980, 1, 1), (1980, 1, 6))]
+    since = [samples.epoch - beginning + timedelta(seconds=seconds) for beginning in begun]
+    if not any(timedelta(0) <= ran < timedelta(days=2) for ran in since):
         return samples
     said = f"the clock was not set, it says {samples.epoch:%Y-%m-%d}: the log has no date"
     return samples.with_columns(epoch=None, notes=(*samples.notes, said))

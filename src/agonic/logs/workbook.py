@@ -1,8 +1,5 @@
-"""Workbooks of Excel and LibreOffice, with calamine: each sheet is read as a text table is.
-
-The sheet with a magnetometer is taken, whatever it is called; sheets of other sensors beside it are
-brought to its times. Where several hold one, each is a magnetometer with the name of its sheet.
-Read in a child process: a cell far out may take all memory.
+"""Workbooks of Excel and LibreOffice, with calamine: each sheet is read as a text table is. Each
+that holds a magnetometer is one; sheets of other sensors are brought to its times.
 """
 
 from __future__ import annotations
@@ -18,16 +15,13 @@ from typing import Any
 from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from agonic.errors import LogError
-from agonic.logs.contents import MOST_BYTES
+from agonic.logs.contents import MOST_BYTES, MOST_PARTS
 from agonic.logs.groups import build_groups_log, name_axes
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.log import Facts, Log, Table
 from agonic.logs.text import csv_text
 from agonic.provenance import Input, hash_file
-
-_MOST_SHEETS = 64
-_FORMAT = "workbook"
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -48,13 +42,13 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         known = [name for name in found if found[name]]
         if len(known) == 1 and fields:
             log = csv_text.read(written[known[0]], source, unit)
-            log = replace(log, path=path, format=_FORMAT)
+            log = replace(log, path=path, format="workbook")
         elif not sheets:
             why = "; ".join(said[:3]) or "all are empty"
             raise LogError(f"no sheet in it holds a table ({why})")
         else:
             tables, paths = _name_tables(sheets)
-            facts = Facts(path=path, source=source, format=_FORMAT, unit=unit, others=others)
+            facts = Facts(path=path, source=source, format="workbook", unit=unit, others=others)
             log = build_groups_log(tables, paths, **facts)
     several = f"of {len(written)} sheets, {', '.join(map(repr, fields[:5]))} with a magnetometer"
     return replace(log, notes=(*((several,) if len(written) > 1 else ()), *log.notes))
@@ -76,7 +70,7 @@ def _write_sheets(path: Path, folder: Path) -> dict[str, Path]:
     found: dict[str, tuple[str, Path]] = {}
     try:
         with path.open("rb") as stream, CalamineWorkbook.from_filelike(stream) as book:
-            for number, name in enumerate(book.sheet_names[:_MOST_SHEETS]):
+            for number, name in enumerate(book.sheet_names[:MOST_PARTS]):
                 file = folder / f"{number}.csv"
                 if _write(file, book.get_sheet_by_name(name).iter_rows()):
                     found.setdefault(hash_file(file), (name, file))

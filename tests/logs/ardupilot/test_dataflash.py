@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from agonic.errors import LogError
-from agonic.logs.ardupilot.dataflash import GPS_EPOCH, read
+from agonic.logs.ardupilot.dataflash import read
 from agonic.logs.ardupilot.dataflash_binary import DTYPES, read_binary
 from agonic.logs.formats import is_dataflash
 from agonic.logs.log import Log
+from agonic.logs.rows.calendar import GPS_EPOCH
 from agonic.maths.equation.affine import correct
 from agonic.provenance import Input
 from tests.logs.damage import damaged, read_or_refused

@@ -3,10 +3,9 @@
 import numpy as np
 
 import agonic as ag
-from agonic.logs.ardupilot.beside import list_headings as list_ardupilot
-from agonic.logs.ardupilot.dataflash_binary import Table
+from agonic.logs.ardupilot.compass import list_headings as list_ardupilot
 from agonic.logs.px4.topics import list_headings as list_px4
-from agonic.logs.rows.tracks import Candidate, choose_heading
+from agonic.logs.rows.tracks import Candidate, Table, choose_heading
 from tests.logs.dataflash_writer import dataflash
 from tests.logs.ulog_writer import ulog
 
@@ -87,7 +86,7 @@ def test_px4_s_topics() -> None:
             "yaw_composite_valid": np.arange(10) > 4,
         },
     }
-    gps, gsf = list_px4(topics)
+    gps, gsf = list_px4({name: Table(np.arange(10), topic) for name, topic in topics.items()})
     assert np.isnan(gps.heading_deg[:3]).all()
     np.testing.assert_allclose(gps.heading_deg[3:], 90.0)
     np.testing.assert_allclose(gps.sd_deg, 0.4)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agonic.logs.log import compute_rate_Hz
-from agonic.logs.rows.resample import find_misplaced, resample
+from agonic.logs.rows.auxiliary import find_misplaced, resample
 
 TIMES = np.linspace(0.0, 10.0, 101)
 

@@ -142,7 +142,7 @@ def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_matlab_7_3_is_another_reader_s() -> None:
     head = b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n"
-    assert format_of(head).module == "arrays.matlab"
+    assert format_of(head).module == "arrays.files"
     for netcdf in (b"CDF\x01", b"CDF\x02", bytes.fromhex("894844460d0a1a0a")):
         assert format_of(netcdf).module == "space.netcdf"
     assert format_of(b"CDF\x09").module == "text.csv_text"

@@ -21,9 +21,10 @@ from agonic.exports.targets import compass_number
 from agonic.live.streams.device import ANSWER_S, Setting
 from agonic.live.streams.events import Chunk, Clock, Event, Notice
 from agonic.live.streams.links import Packet
-from agonic.logs.ardupilot.dataflash_binary import Table
-from agonic.logs.ardupilot.mavlink import INERTIAL, Columns
-from agonic.logs.ardupilot.parameters import AXES, remove_correction
+from agonic.logs.ardupilot.compass import AXES, remove_correction
+from agonic.logs.ardupilot.mavlink import TABLES
+from agonic.logs.ardupilot.tlog import ARDUPILOT, NO_AUTOPILOT, PX4, STACKS
+from agonic.logs.rows.tracks import Table
 from agonic.units import RAW
 
 ASK_AGAIN_S = 0.5
@@ -97,8 +98,6 @@ class Parameters:
         )
 
 
-ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8
-STACKS = {ARDUPILOT: "ardupilot", PX4: "px4"}
 SLOTS = {"RAW_IMU": "", "SCALED_IMU2": "2", "SCALED_IMU3": "3"}
 OTHERS = {
     "HIGHRES_IMU": ("mG", 1e3),
@@ -245,7 +244,7 @@ class Vehicle:
         told = [m for m, there in zip(heard, answered, strict=True) if there]
         own, field, motion = [_get_time(m) for m in told], field[answered], None
         if self._autopilot == ARDUPILOT or kind != "RAW_IMU":  # of others in counts
-            motion = np.array([_get_motion(m, INERTIAL[kind]) for m in told])
+            motion = np.array([_get_motion(m, TABLES[kind][1]) for m in told])
         if self._autopilot != ARDUPILOT:
             unit, factor = OTHERS[kind]
             time_s = self._clock.times(own, now, kind)
@@ -305,7 +304,7 @@ class Vehicle:
         return {name: values.get(name) for name in names}
 
 
-def _get_motion(message: Any, columns: Columns) -> list[float]:
+def _get_motion(message: Any, columns: Mapping[str, tuple[str, float]]) -> list[float]:
     """Acceleration, m/s², and rotation rate, rad/s, of a message; zeros stand for no gyro."""
     parts = [columns[f"{stem}{axis}"] for stem in ("Acc", "Gyr") for axis in "XYZ"]
     return [factor * float(getattr(message, name)) for name, factor in parts]

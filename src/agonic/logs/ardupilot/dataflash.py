@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -18,41 +18,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
-from agonic.logs.ardupilot.beside import (
-    DISTURBERS,
-    YAW_ESTIMATORS,
-    Tables,
-    list_headings,
-    list_texts,
-    list_tracks,
-)
-from agonic.logs.ardupilot.dataflash_binary import (
-    INTEGERS,
-    TEXTS,
-    Content,
-    Table,
-    describe_stream,
-    read_binary,
-)
-from agonic.logs.ardupilot.parameters import remove_correction
+from agonic.logs.ardupilot import compass
+from agonic.logs.ardupilot.compass import remove_correction
+from agonic.logs.ardupilot.dataflash_binary import INTEGERS, TEXTS, Content, read_binary
 from agonic.logs.contents import to_number
 from agonic.logs.formats import FMT_TEXT, HEAD_BYTES
-from agonic.logs.log import Facts, Log
-from agonic.logs.rows.calendar import gps_utc_s
-from agonic.logs.rows.resample import find_misplaced
-from agonic.logs.rows.tracks import build_samples
+from agonic.logs.log import Facts, Log, Stream
+from agonic.logs.rows.auxiliary import find_misplaced
+from agonic.logs.rows.calendar import GPS_EPOCH, gps_utc_s
+from agonic.logs.rows.tracks import LONGEST_RUN_S, Table, Tables, build_samples
 from agonic.provenance import Input
 from agonic.samples import Samples
 
 MAGNETOMETERS = ("MAG", "MAG2", "MAG3")
 _BESIDE = ("PARM", "VER", "MSG", "ATT", "IMU", "GPS", "GPA", "POS", "BAT", "CURR", "CTUN")
-WANTED = (*MAGNETOMETERS, *_BESIDE, *YAW_ESTIMATORS, *DISTURBERS)
+WANTED = (*MAGNETOMETERS, *_BESIDE, *compass.YAW_ESTIMATORS, *compass.DISTURBERS)
 SCHEMA = ("FMT", "FMTU", "UNIT", "MULT")
 """Messages that describe messages."""
 
-GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
-_FIRST_WEEK = 1356  # that of 2006-01-01; before there were such logs
-_LONGEST_RUN_S = 1e8  # three years; what lies above is damage
 _FIRMWARE = re.compile(r"^(APM:|Ardu|Blimp|AntennaTracker)\S* V\d")
 _LABEL = "_label"
 _LINE = ("LineNo", "linenumber", "Line")
@@ -108,12 +91,12 @@ def _read_samples(name: str, slot: str, mag: Table, tables: Tables, source: Inpu
     samples = build_samples(
         name,
         remove_correction(mag, parameters, slot),
-        list_tracks(mag, tables),
+        compass.list_tracks(mag, tables),
         time=mag.time_s,
         epoch=_utc_of_boot(tables.get("GPS")),
         source=source,
         rejected={"time out of sequence": int(wrong.sum())},
-        headings=list_headings(tables),
+        headings=compass.list_headings(tables),
     )
     if boot is not None:
         return samples
@@ -128,7 +111,7 @@ def _utc_of_boot(gps: Table | None) -> datetime | None:
     week, milliseconds, boot = gps.get("GWk", "Week"), gps.get("GMS", "TimeMS"), gps.time_s
     if week is None or milliseconds is None or boot is None:
         return None
-    known = (week >= _FIRST_WEEK) & (boot < _LONGEST_RUN_S)
+    known = (week >= 1356) & (boot < LONGEST_RUN_S)  # from 2006 on there are such logs
     if not known.any():
         return None
     moment = week[known] * 604800.0 + milliseconds[known] / 1e3
@@ -138,7 +121,7 @@ def _utc_of_boot(gps: Table | None) -> datetime | None:
 
 def find_firmware(tables: Tables) -> tuple[str, ...]:
     """The version of the autopilot, from its version or its first messages."""
-    said = (text.decode("ascii", "replace") for text in list_texts(tables))
+    said = (text.decode("ascii", "replace") for text in compass.list_texts(tables))
     words = next(filter(_FIRMWARE.match, said), None)
     return () if words is None else (f"firmware {words.removeprefix('APM:')}",)
 
@@ -158,7 +141,7 @@ def read_text(path: Path, wanted: Collection[str]) -> Content:
             tables[name] = _make_columns(rows, letters, columns)
     return Content(
         {name: tables[name] for name in wanted if name in tables},
-        tuple(describe_stream(name, table) for name, table in tables.items()),
+        tuple(Stream.at(name, len(table), table.time_s) for name, table in tables.items()),
     )
 
 
@@ -196,7 +179,7 @@ def read_labelled(contents: Mapping[str, Any], path: Path, source: Input) -> Log
     elif "PARM" not in tables:
         notes = ("no parameters in the file: corrections beside the offsets are not known",)
     tables = _join_instances(tables)
-    streams = tuple(describe_stream(name, table) for name, table in tables.items())
+    streams = tuple(Stream.at(name, len(table), table.time_s) for name, table in tables.items())
     wanted = {name: table for name, table in tables.items() if name in WANTED}
     content = Content(wanted, streams, notes)
     return build_tables_log(content, path, source, "ArduPilot log in MATLAB")

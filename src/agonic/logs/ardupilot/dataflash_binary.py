@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Index, Mask
 from agonic.errors import LogError
 from agonic.logs.log import Stream
+from agonic.logs.rows.tracks import Table
 
 Bytes = NDArray[np.uint8]
-Index = NDArray[np.int64]
 
 # fmt: off
 DTYPES = {
@@ -56,48 +56,12 @@ FMT = Format("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns")
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
-    """All messages of one name in the order of the file, a row a message. `position` (n,) tells
-    where in the file each stood; `columns` are float64, or bytes for texts; `integer` names those
-    that the log holds as whole numbers without a scale of their own."""
-
-    position: Index
-    columns: Mapping[str, NDArray[Any]]
-    integer: frozenset[str] = frozenset()
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def get(self, *names: str) -> Array | None:
-        """The first of these columns that is there."""
-        return next((self.columns[name] for name in names if name in self.columns), None)
-
-    def select(self, rows: Mask) -> Table:
-        """The rows that a mask marks."""
-        columns = {name: values[rows] for name, values in self.columns.items()}
-        return Table(self.position[rows], columns, self.integer)
-
-    @property
-    def time_s(self) -> Array | None:
-        """Seconds since boot, if logged; `TimeMS` of an old GPS message is that of the week."""
-        if (microseconds := self.get("TimeUS")) is not None:
-            return microseconds / 1e6
-        milliseconds = self.get("T") if "Week" in self.columns else self.get("TimeMS")
-        return None if milliseconds is None else milliseconds / 1e3
-
-
-@dataclass(frozen=True, eq=False)
 class Content:
     """The tables that were asked for, all message types with rates, and what was odd."""
 
     tables: Mapping[str, Table]
     streams: tuple[Stream, ...]
     notes: tuple[str, ...] = ()
-
-
-def describe_stream(name: str, table: Table) -> Stream:
-    """How many messages of a name there are, and how often they come."""
-    return Stream.at(name, len(table), table.time_s)
 
 
 def read_binary(path: Path, wanted: Collection[str]) -> Content:
@@ -129,8 +93,9 @@ def read_binary(path: Path, wanted: Collection[str]) -> Content:
         if fmt.readable and fmt.name in wanted and len(rows) > len(tables.get(fmt.name, ())):
             tables[fmt.name] = _table(data, rows, fmt)
         elif fmt.readable:
-            streams.append(describe_stream(fmt.name, _table(data, rows, fmt, ("TimeUS", "TimeMS"))))
-    streams += [describe_stream(name, table) for name, table in tables.items()]
+            clock = _table(data, rows, fmt, ("TimeUS", "TimeMS"))
+            streams.append(Stream.at(fmt.name, len(clock), clock.time_s))
+    streams += [Stream.at(name, len(table), table.time_s) for name, table in tables.items()]
     return Content(tables, tuple(streams), tuple(notes))
 
 

@@ -1,17 +1,14 @@
-"""The packets of a MAVLink telemetry log, `.tlog`, found and taken apart into columns.
+"""The packets of a MAVLink telemetry log, `.tlog`, found and taken apart into columns, and what
+they say as the tables of a dataflash log, on the vehicle's clock.
 
 A packet stands behind the moment of its arrival: microseconds since 1970, 8 bytes, big-endian. It
 is of MAVLink 1 (mark FE) or 2 (mark FD) and ends with a checksum that knows its kind. Source:
 MAVLink guide, "Packet Serialization"; the layouts of the messages are those of pymavlink.
-
-What MAVLink messages say, in the tables of a dataflash log and on the vehicle's clock.
-
-Names, units and invalid values: MAVLink, message_definitions/v1.0/common.xml.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
@@ -20,17 +17,17 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.arrays import Array, Mask
+from agonic.arrays import Array, Index, Mask
 from agonic.errors import MissingExtraError
-from agonic.logs.ardupilot.dataflash_binary import Bytes, Index, Table, find_chained, read_values
+from agonic.logs.ardupilot.dataflash_binary import Bytes, find_chained, read_values
 from agonic.logs.clocks.clock import UNIX
-from agonic.units import STANDARD_GRAVITY_M_S2
+from agonic.logs.headers.columns import read_dialects
+from agonic.logs.rows.tracks import LONGEST_RUN_S, Table
 
 MARKS = (0xFE, 0xFD)
 STAMP, HEADERS, CHECKSUM, SIGNATURE = 8, (6, 10), 2, 13
 """Bytes of the parts of a packet; a header of MAVLink 1 and of MAVLink 2."""
 
-EARLIEST_US, LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 and 2100
 _SIGNED = 1
 
 
@@ -83,7 +80,8 @@ def find_packets(data: Bytes) -> Packets:
     starts = np.flatnonzero((marks == MARKS[0]) | (marks == MARKS[1]))
     starts = starts[data[starts] == 0]
     time = read_values(data, starts, ">u8", 0).astype(np.int64)
-    plausible = (time >= EARLIEST_US) & (time < LATEST_US)
+    # years 2000 to 2100
+    plausible = (time >= 946_684_800_000_000) & (time < 4_102_444_800_000_000)
     starts, time = starts[plausible], time[plausible]
     byte = partial(read_values, data, starts)
     second = byte("u1", STAMP) == MARKS[1]
@@ -150,54 +148,29 @@ def load_definitions() -> dict[str, Any]:
     return {message.msgname: message for message in ardupilotmega.mavlink_map.values()}
 
 
-Columns = Mapping[str, tuple[str, float]]
-"""For each column of a table the field of the message and the factor between their units."""
-
-
-def _vectors(acceleration: float, rate: float, field: float) -> Columns:
-    factors = {("Acc", "acc"): acceleration, ("Gyr", "gyro"): rate, ("Mag", "mag"): field}
-    return {
-        stem + axis.upper(): (axis + name, factor)
-        for (stem, name), factor in factors.items()
-        for axis in "xyz"
-    }
-
-
-_TURN, _MILLI = 180 / np.pi, 1e-3
-_PLACE = {"Lat": ("lat", 1e-7), "Lng": ("lon", 1e-7), "Alt": ("alt", _MILLI)}
-_PARAMETER = {"Name": "id", "Value": "value", "Count": "count"}
-_SCALED = _vectors(STANDARD_GRAVITY_M_S2 * _MILLI, _MILLI, 1.0)
-
-INERTIAL: dict[str, Columns] = {
-    "HIGHRES_IMU": _vectors(1.0, 1.0, 1e3),
-    "RAW_IMU": _SCALED,
-    "SCALED_IMU": _SCALED,
-    "SCALED_IMU2": _SCALED,
-    "SCALED_IMU3": _SCALED,
-}
+_TELEMETRY = read_dialects()["telemetry"]
+READINGS: tuple[str, ...] = tuple(_TELEMETRY["readings"].split())
 """Messages with a magnetometer, in mG, m/s² and rad/s; their tables keep the names."""
-
-TABLES: dict[str, tuple[str, Columns]] = {
-    "PARAM_VALUE": ("PARM", {n: (f"param_{p}", 1.0) for n, p in _PARAMETER.items()}),
-    "STATUSTEXT": ("MSG", {"Message": ("text", 1.0)}),
-    "ATTITUDE": ("ATT", {n: (n.lower(), _TURN) for n in ("Roll", "Pitch", "Yaw")}),
-    "GPS_RAW_INT": ("GPS", {**_PLACE, "Status": ("fix_type", 1.0)}),
-    "GLOBAL_POSITION_INT": ("POS", _PLACE),
-    "BATTERY_STATUS": ("BAT", {"Instance": ("id", 1.0), "Curr": ("current_battery", 0.01)}),
-    "SYS_STATUS": ("CURR", {"Curr": ("current_battery", 0.01)}),
-    "SERVO_OUTPUT_RAW": ("RCOU", {f"C{k}": (f"servo{k}_raw", 1.0) for k in range(1, 9)}),
-    "VFR_HUD": ("CTUN", {"ThO": ("throttle", 0.01)}),
-    **{name: (name, columns) for name, columns in INERTIAL.items()},
-}
-"""The table that the messages of each name become."""
-
-CLOCKED = ("ATTITUDE", "GLOBAL_POSITION_INT", "SCALED_IMU2", "SCALED_IMU3", "SYSTEM_TIME")
+CLOCKED = tuple(_TELEMETRY["clocked"].split())
 """Messages that carry `time_boot_ms`."""
 
-_NOT_MEASURED = -1  # as current_battery
-_NEW_READING = 0b111 << 6  # of the magnetometer, in fields_updated
-_WRAP_S = 2**32 / 1e6  # ArduPilot's time_usec was once a number of 32 bits
-_LONGEST_RUN_S = 1e8  # three years; what lies above counts from 1970
+
+def _read_columns(columns: Iterable[str]) -> Iterator[tuple[str, tuple[str, float]]]:
+    """The name of each column, and the field and the factor that it is, an asterisk for each axis
+    in turn."""
+    for column in columns:
+        ours, _, theirs = column.partition("=")
+        field, _, factor = theirs.partition(":")
+        for axis in "xyz" if "*" in ours else "*":
+            yield ours.replace("*", axis.upper()), (field.replace("*", axis), float(factor or 1))
+
+
+TABLES: dict[str, tuple[str, dict[str, tuple[str, float]]]] = {
+    message: (table, dict(_read_columns(columns)))
+    for message, (table, *columns) in ((n, t.split()) for n, t in _TELEMETRY["tables"].items())
+}
+"""The table that the messages of each name become, and its columns: fields, and factors of them."""
+
 _LONGEST_DELAY_S = 60.0
 """A clock that goes back by more was started anew; one that differs by more is another."""
 
@@ -240,8 +213,9 @@ class Timeline:
         if "time_usec" not in messages.names or not len(self.position):
             return seconds
         own = messages.values["time_usec"] / 1e6
-        unwrapped = own + _WRAP_S * np.round((boot - own) / _WRAP_S)
-        usable = (own < _LONGEST_RUN_S) & (np.abs(unwrapped - boot) < _LONGEST_DELAY_S)
+        wrap_s = 2**32 / 1e6  # it was once a number of 32 bits
+        unwrapped = own + wrap_s * np.round((boot - own) / wrap_s)
+        usable = (own < LONGEST_RUN_S) & (np.abs(unwrapped - boot) < _LONGEST_DELAY_S)
         return np.where(usable, unwrapped, seconds)
 
 
@@ -251,9 +225,9 @@ def make_tables(heard: Mapping[str, Messages], timeline: Timeline) -> dict[str, 
     for name, (table, columns) in TABLES.items():
         messages = heard[name]
         if "current_battery" in messages.names:  # without those that nothing measures it
-            messages = messages.select(messages.values["current_battery"] != _NOT_MEASURED)
-        elif "fields_updated" in messages.names:  # or that repeat a reading
-            messages = messages.select((messages.values["fields_updated"] & _NEW_READING) > 0)
+            messages = messages.select(messages.values["current_battery"] != -1)
+        elif "fields_updated" in messages.names:  # of the magnetometer
+            messages = messages.select(messages.values["fields_updated"] & (0b111 << 6) > 0)
         values: dict[str, NDArray[Any]] = {"TimeUS": timeline.seconds(messages) * 1e6}
         for column, (field, factor) in columns.items():
             found = messages.values[field]

@@ -19,13 +19,12 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError
 from agonic.logs.ardupilot import mavlink
-from agonic.logs.ardupilot.beside import list_tracks
+from agonic.logs.ardupilot.compass import AXES, list_tracks, look_up, remove_correction
 from agonic.logs.ardupilot.dataflash import find_firmware
-from agonic.logs.ardupilot.dataflash_binary import Table, load
-from agonic.logs.ardupilot.parameters import AXES, look_up, remove_correction
+from agonic.logs.ardupilot.dataflash_binary import load
 from agonic.logs.log import Facts, Log, Readings, Stream
-from agonic.logs.rows.resample import find_misplaced
-from agonic.logs.rows.tracks import build_samples
+from agonic.logs.rows.auxiliary import find_misplaced
+from agonic.logs.rows.tracks import Table, build_samples
 from agonic.provenance import Input
 from agonic.samples import Samples
 from agonic.units import RAW
@@ -36,14 +35,9 @@ ARDUPILOT, PX4, NO_AUTOPILOT = 3, 12, 8
 STACKS = {ARDUPILOT: "ardupilot", PX4: "px4"}
 
 SLOTS = {"RAW_IMU": "", "SCALED_IMU": "", "SCALED_IMU2": "2", "SCALED_IMU3": "3"}
-"""The number of the compass in ArduPilot's parameters; the first two messages are of the same.
-
-ArduPilot's HIGHRES_IMU is of that one too, and not read, for its unit is in doubt:
-send_highres_imu multiplies milligauss by 1000.
-"""
+"""The number of the compass in ArduPilot's parameters; the first two messages are of the same, and
+so is HIGHRES_IMU, which is not read: send_highres_imu multiplies milligauss by 1000."""
 WANTED = tuple(dict.fromkeys(("HEARTBEAT", *mavlink.TABLES, *mavlink.CLOCKED)))
-
-_PER_SYSTEM = 256  # a sender is system · 256 + component
 
 _CORRECTED_ARDUPILOT = (
     "still corrected by the autopilot, for the log lacks its parameters (COMPASS_*); "
@@ -107,14 +101,14 @@ def _vehicle(heard: Heard) -> tuple[int, int, tuple[str, ...]]:
     beats = beats.select(beats.values["autopilot"] != NO_AUTOPILOT)
     autopilots = dict(zip(beats.sender.tolist(), beats.values["autopilot"].tolist(), strict=True))
     readings = Counter(
-        sender for name in mavlink.INERTIAL for sender in heard[name].sender.tolist()
+        sender for name in mavlink.READINGS for sender in heard[name].sender.tolist()
     )
     if not autopilots:
         unknown = "no heartbeat of an autopilot in the log: readings are taken as they were sent"
         return max(readings, key=readings.__getitem__, default=-1), NO_AUTOPILOT, (unknown,)
     chosen = max(autopilots, key=readings.__getitem__)
-    system = chosen // _PER_SYSTEM
-    others = sorted({sender // _PER_SYSTEM for sender in autopilots} - {system})
+    system = chosen // 256
+    others = sorted({sender // 256 for sender in autopilots} - {system})
     note = f"vehicle {system} was read; not read: {', '.join(map(str, others))}"
     return chosen, autopilots[chosen], (note,) if others else ()
 
@@ -123,7 +117,7 @@ def _sensors(
     tables: Mapping[str, Table], epoch: datetime, autopilot: int, source: Input
 ) -> tuple[Samples, ...]:
     """Each magnetometer of a vehicle that measures anything."""
-    names = SLOTS if autopilot == ARDUPILOT else mavlink.INERTIAL
+    names = SLOTS if autopilot == ARDUPILOT else mavlink.READINGS
     measured = [name for name in names if name in tables and _find_answered(tables[name]).any()]
     if autopilot == ARDUPILOT and {"RAW_IMU", "SCALED_IMU"} <= set(measured):
         measured.remove("SCALED_IMU")

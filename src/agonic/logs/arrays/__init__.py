@@ -1,1 +1,0 @@
-"""Files of named arrays: MATLAB, NumPy, HDF5."""

@@ -4,19 +4,13 @@ The names are those of `columns`. A vector may be one array of three columns or 
 with the time first, and a sampling rate may stand for the times. Arrays of one length are a table.
 Where no name is that of a magnetometer, a lone array of three columns is taken for one.
 
-The recordings of the Berlin Robust Orientation Estimation Assessment Dataset (BROAD).
-
-Its variables have fixed units: `imu_mag` in µT, `imu_acc` in m/s², `imu_gyr` in rad/s, (n, 3) in
-sensor axes. `opt_quat` (n, 4) is w, x, y, z (Hamilton) and turns components in sensor axes into
-east, north, up; its north is the magnetic north of the room. The sensor lies face up: its axes
-point forward, left and up. All vectors are read into forward, right, down (y and z change their
-signs), so that roll, pitch and heading describe a vehicle: lying flat it is level.
-
-Where the optical system lost sight, the attitude is held from the nearest row that has one if the
-sensor did not move in between, and interpolated over up to half a second of movement.
-
-Laidig, D., Caruso, M., Cereatti, A., Seel, T., "BROAD — A Benchmark for Robust Inertial
-Orientation Estimation", Data 6 (7), 72, 2021.
+The Berlin Robust Orientation Estimation Assessment Dataset (BROAD) has `imu_mag` in µT, `imu_acc`
+in m/s², `imu_gyr` in rad/s, (n, 3) in sensor axes; `opt_quat` (n, 4), w, x, y, z (Hamilton), turns
+components in sensor axes into east, north, up, its north the magnetic north of the room. The sensor
+lies face up: vectors are read into forward, right, down (y and z change their signs). Where the
+optical system lost sight, the attitude is held from the nearest row that has one if the sensor did
+not move in between, and interpolated over up to half a second of movement. Source: Laidig, Caruso,
+Cereatti, Seel, "BROAD", Data 6 (7), 72, 2021.
 """
 
 from __future__ import annotations
@@ -44,7 +38,6 @@ NOTE = (
 
 _NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _FACE_UP = np.diag([1.0, -1.0, -1.0])
-_REST_RAD_S = np.radians(2.0)
 
 
 def is_broad(arrays: Mapping[str, NDArray[Any]]) -> bool:
@@ -58,7 +51,7 @@ def rename_variables(
     """The variables under names that say their units, with roll, pitch, heading; and notes."""
     seen = np.array(arrays["opt_quat"], dtype=np.float64)
     time = np.arange(len(seen)) / float(arrays["sampling_rate"].reshape(()))
-    moving = np.array(np.linalg.norm(arrays["imu_gyr"], axis=1) > _REST_RAD_S)
+    moving = np.array(np.linalg.norm(arrays["imu_gyr"], axis=1) > np.radians(2.0))
     if "movement" in arrays:
         moving |= arrays["movement"].astype(bool)
     rested = fill_at_rest(seen, moving)
@@ -116,8 +109,6 @@ def fill_short_gaps(quat_wxyz: Array, time: Array) -> Array:
     filled[short] = path(time[short]).as_quat(scalar_first=True)
     return filled
 
-
-SAMPLING_RATES = ("samplingrate", "samplerate", "samplingfrequency", "fs", "ratehz", "fshz")
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -199,4 +190,5 @@ def _find_lone(arrays: Arrays, known: Mapping[str, Any]) -> dict[str, dict[str, 
 
 def is_sampling_rate(name: str) -> bool:
     """Whether an array is named as a sampling rate in Hz."""
-    return "".join(filter(str.isalpha, name.rpartition(".")[2])).lower() in SAMPLING_RATES
+    plain = "".join(filter(str.isalpha, name.rpartition(".")[2])).lower()
+    return plain in ("samplingrate", "samplerate", "samplingfrequency", "fs", "ratehz", "fshz")

@@ -1,7 +1,5 @@
-"""What files of arrays store, read by their libraries: MATLAB, HDF5, NumPy.
-
-The libraries crash, go round for ever or take all memory on damaged files: whoever reads one calls
-these in a child process, which imports nothing but this.
+"""What files of arrays store, read by their libraries: MATLAB, HDF5, NumPy. These crash, go round
+for ever or take all memory on damaged files: whoever reads one calls them in a child process.
 """
 
 from __future__ import annotations
@@ -17,11 +15,9 @@ from agonic.errors import LogError
 from agonic.logs.contents import check_declared, explain_damage
 from agonic.logs.headers.columns import refuse_many
 
-_DEEPEST = 4
-_MOST_IN_A_ROW = 4  # a quaternion
+DEEPEST = 4
+"""Groups or structures within others."""
 _HEAP = b"GCOL"
-_HEADER = 16
-"""Bytes before the objects of a heap, and before the data of an object."""
 
 
 def check_heaps(path: Path) -> None:
@@ -32,11 +28,11 @@ def check_heaps(path: Path) -> None:
         start = data.find(_HEAP)
         while start >= 0:
             end = min(start + int.from_bytes(data[start + 8 : start + 16], "little"), len(data))
-            at = start + _HEADER
-            while at + _HEADER <= end:
+            at = start + 16  # bytes before the objects of a heap, and before the data of one
+            while at + 16 <= end:
                 index = int.from_bytes(data[at : at + 2], "little")
-                size = int.from_bytes(data[at + 8 : at + _HEADER], "little")
-                step = _HEADER + -(-size // 8) * 8 if index else size
+                size = int.from_bytes(data[at + 8 : at + 16], "little")
+                step = 16 + -(-size // 8) * 8 if index else size
                 if step == 0:
                     raise LogError("damaged: a heap in it has no end; fetch it again")
                 at += step
@@ -105,12 +101,12 @@ def _simplify(value: Any, depth: int = 0) -> Any:
     items = array.ravel(order="F").tolist()
     if items and all(isinstance(item, mat_struct) for item in items):
         return _gather(items, depth)
-    return [_simplify(item, depth + 1) for item in items] if depth < _DEEPEST else None
+    return [_simplify(item, depth + 1) for item in items] if depth < DEEPEST else None
 
 
 def _gather(structures: list[Any], depth: int) -> dict[str, Any] | None:
     """The fields of a structure, or of several a row each."""
-    if depth >= _DEEPEST:
+    if depth >= DEEPEST:
         return None
     found: dict[str, Any] = {}
     for name in structures[0]._fieldnames:
@@ -125,7 +121,7 @@ def _stack(values: list[Any]) -> NDArray[Any] | None:
     """What a field holds in the elements of an array, a row each; a gap is NaN."""
     arrays = [np.atleast_1d(np.nan if v is None else v) for v in values]
     sizes = {a.size for a in arrays if a.dtype.kind in "fiub" and a.size}
-    if len(sizes) != 1 or (size := sizes.pop()) > _MOST_IN_A_ROW:
+    if len(sizes) != 1 or (size := sizes.pop()) > len("wxyz"):
         return None
     gap = np.full(size, np.nan)
     rows = [a.reshape(-1) if a.dtype.kind in "fiub" and a.size == size else gap for a in arrays]
@@ -146,7 +142,7 @@ def _contents(group: Any, depth: int = 0) -> dict[str, Any]:
     contents: dict[str, Any] = {}
     for name, item in list_items(group).items():
         if hasattr(item, "items"):
-            contents[name] = _contents(item, depth + 1) if depth < _DEEPEST else {}
+            contents[name] = _contents(item, depth + 1) if depth < DEEPEST else {}
         elif item.dtype.kind in "fiu" and item.attrs.get("MATLAB_class") != b"char":
             contents[name] = read_values(item).T
     return contents

@@ -1,1 +1,0 @@
-"""Moments as files write them, as seconds since an epoch."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array
+from agonic.logs.headers.quantities import DOCUMENT
 from agonic.maths.one_pass import median
 from agonic.units import DAY_S
 
@@ -21,21 +22,11 @@ UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
 UNIX_SECONDS = (1e9, 4.1e9)
 """2001 to 2099: a clock that reads this many seconds counts from 1970, not from power-on."""
-_LONGEST_STEP_S = 1000.0
-_ZONES_H = {
-    "EST": -5, "EDT": -4, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7, "WET": 0, "WEST": 1,
-    "CET": 1, "CEST": 2, "EET": 2, "EEST": 3, "MSK": 3, "JST": 9, "AEST": 10, "AEDT": 11,
-}  # fmt: skip
-"""Hours ahead of UTC. CST, IST and BST stand for several zones."""
 _ZONE = re.compile(r"\s+\(?([A-Z]{3,5})\)?$")
-_HOUR_S = 3600.0
-_NANOSECONDS = 3e6
-"""Steps of more, in microseconds, would be above 3 s, for which hardly anybody counts those."""
 _NONE_READ = "times left out: none could be read"
 NO_ZONE = "times name no zone: taken as UTC"
 TIMES_OF_DAY = "times of day"
 """How the note on a clock without a date begins."""
-_FEW = 1000
 _TIED_SHARE = 0.01
 """Share of rows with an unchanged clock but other readings, above which the clock is coarse."""
 
@@ -82,10 +73,10 @@ def _without_unit(numbers: Array) -> Clock:
         seconds, dated, note = digits
         return since_first_second(seconds, (note,)) if dated else (seconds, None, (note,))
     finite = numbers[np.isfinite(numbers)]
-    steps = (np.diff(some) for some in (finite[:_FEW], finite))  # most show it among the first
+    steps = (np.diff(some) for some in (finite[:1000], finite))  # most show it among the first
     whole = len(finite) > 1 and all((some == np.round(some)).all() for some in steps)
     if whole and (step := median(np.diff(finite))) > 1:
-        if step >= _NANOSECONDS:
+        if step >= 3e6:  # in microseconds they would be above 3 s, for which hardly anybody does
             note = f"times have no unit; by their steps of {step:g} they are taken as nanoseconds"
             return numbers / 1e9, None, (note,)
         note = (
@@ -102,7 +93,7 @@ def _is_unix(seconds: Array) -> bool:
         return False
     finite = seconds[np.isfinite(seconds)]
     step = median(np.abs(np.diff(finite))) if len(finite) > 1 else 0.0
-    return bool(low < median(finite) < high and step <= _LONGEST_STEP_S)
+    return bool(low < median(finite) < high and step <= 1000.0)
 
 
 def since_first_second(unix: Array, notes: tuple[str, ...]) -> Clock:
@@ -130,8 +121,8 @@ def _of_texts(texts: list[str]) -> Clock:
     if texts and read_duration_s(texts[0]) is not None:
         spans = [read_duration_s(text) for text in texts]
         seconds = np.array([np.nan if s is None else s for s in spans])
-        if ":" in texts[0] and seconds[np.isfinite(seconds)].max() < _HOUR_S:  # mm:ss.0 of Excel
-            seconds = unwrap(seconds, _HOUR_S)
+        if ":" in texts[0] and seconds[np.isfinite(seconds)].max() < DAY_S / 24:  # mm:ss.0 of Excel
+            seconds = unwrap(seconds, DAY_S / 24)
         return seconds, None, ()
     slashes = any(map(has_slashes, texts))
     order = find_order(texts) if slashes else None
@@ -140,7 +131,7 @@ def _of_texts(texts: list[str]) -> Clock:
     zone = _ZONE.search(texts[0].strip("\"' ")) if texts and not known else None
     if zone is not None:  # letters that stand for several zones: CST, IST
         time, start, notes = _of_texts([_ZONE.sub("", text.strip("\"' ")) for text in texts])
-        ahead = _ZONES_H.get(zone[1])
+        ahead = DOCUMENT["zones"].get(zone[1])
         if start is not None and ahead is not None:
             return time, start - timedelta(hours=ahead), ()
         said = f"times name the zone {zone[1]}, which stands for several: taken as UTC"
@@ -170,17 +161,11 @@ def _moment(text: str, order: str | None) -> datetime | None:
     from agonic.logs.clocks.dates import write_iso
 
     plain = text.strip().strip("\"'").replace("/", "-")
-    found = _of_iso(plain)
-    if found is None and (iso := write_iso(text, order)) is not None:
-        found = _of_iso(iso)
-    return found
-
-
-def _of_iso(text: str) -> datetime | None:
-    for dated in (text, f"0001-01-01 {text}"):
-        with suppress(ValueError, OverflowError):
-            moment = datetime.fromisoformat(dated)
-            return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    for written in (plain, write_iso(plain, order) or ""):
+        for dated in (written, f"0001-01-01 {written}"):
+            with suppress(ValueError, OverflowError):
+                found = datetime.fromisoformat(dated)
+                return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
     return None
 
 

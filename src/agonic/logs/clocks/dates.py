@@ -12,25 +12,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.logs.headers.quantities import DOCUMENT, TIMES
 from agonic.maths.one_pass import median
 from agonic.units import DAY_S
-
-_MINUTE, _HOUR = 100.0, 10_000.0
-_FEWEST, _FEW = 3, 1000
-_DAYS_OF_1970 = {
-    "Excel": (25569.0, (36526.0, 49674.0)),
-    "MATLAB": (719529.0, (730486.0, 743634.0)),
-    "Modified Julian Dates": (40587.0, (51544.0, 64693.0)),
-    "Julian Dates": (2440587.5, (2451544.5, 2464693.5)),
-}
-"""Day 1970-01-01 as these count days, and their days from 2000 to 2035."""
-_LONGEST_STEP_DAYS = 1e-3
-_CALENDAR = ((1.0, 2e13), (1e3, 2e16))
-"""YYYYMMDDhhmmss, and the same with milliseconds."""
 
 
 def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
@@ -38,23 +27,23 @@ def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
     `None` where they are plain numbers. A time of day is told by its minutes: no number has more
     than 59 seconds, and from one minute to the next it leaps by 40 more than otherwise."""
     finite = numbers[np.isfinite(numbers)]
-    low, high = (finite.min(), finite.max()) if len(finite) >= _FEWEST else (-1.0, -1.0)
+    low, high = (finite.min(), finite.max()) if len(finite) > 2 else (-1.0, -1.0)
     if low < 0.0:
         return None
-    for factor, size in _CALENDAR:
+    for factor, size in ((1.0, 2e13), (1e3, 2e16)):  # the second with milliseconds
         if size * 0.99 < low and high < size * 1.06:
             whole = numbers / factor
             day = np.floor(whole / 1e6)
             if _are_times_of_day(whole - day * 1e6, leaps=False):
                 since = _count_days(day) * DAY_S + _of_day_s(whole - day * 1e6)
                 return since, True, "times are dates by their digits, YYYYMMDDhhmmss"
-    for program, (zero, (first, last)) in _DAYS_OF_1970.items():
+    for program, (zero, first, last) in DOCUMENT["days"].items():
         within = first < low and high < last
-        if within and 0.0 < median(np.abs(np.diff(finite))) < _LONGEST_STEP_DAYS:
+        if within and 0.0 < median(np.abs(np.diff(finite))) < 1e-3:
             unix = np.round((numbers - zero) * DAY_S, 4)
             counted = "count" if program.endswith("s") else "counts"
             return unix, True, f"times are days as {program} {counted} them"
-    if high < 24 * _HOUR and _are_times_of_day(numbers, leaps=True):
+    if high < 240_000 and _are_times_of_day(numbers, leaps=True):
         day_s = _of_day_s(numbers)
         known = np.isfinite(day_s)
         day_s[known] = np.unwrap(day_s[known], period=DAY_S)
@@ -65,14 +54,12 @@ def read_digits_s(numbers: Array) -> tuple[Array, bool, str] | None:
 def _are_times_of_day(numbers: Array, *, leaps: bool) -> bool:
     """Whether all may be hhmmss, and, with `leaps`, show it where a minute ends."""
     known = numbers[np.isfinite(numbers)]
-    for some in (known[:: len(known) // _FEW + 1], known):  # most that are none show it at once
-        if (some % _MINUTE >= 60.0).any() or (some // _MINUTE % 100 >= 60).any():
+    for some in (known[:: len(known) // 1000 + 1], known):  # most that are none show it at once
+        if (some % 100 >= 60.0).any() or (some // 100 % 100 >= 60).any():
             return False
-    if (known >= 24 * _HOUR).any():
-        return False
-    if not leaps:
-        return True
-    ends = np.diff(known // _MINUTE) > 0
+    if not leaps or (known >= 240_000).any():
+        return not (known >= 240_000).any()
+    ends = np.diff(known // 100) > 0
     leap, step = np.diff(known), np.diff(_of_day_s(known))
     usual = median(np.abs(step))
     if not ends.any() or (leap[ends] < 40.0).any() or usual >= 20.0:
@@ -81,8 +68,8 @@ def _are_times_of_day(numbers: Array, *, leaps: bool) -> bool:
 
 
 def _of_day_s(numbers: Array) -> Array:
-    hours, minutes = numbers // _HOUR, numbers // _MINUTE % 100
-    return np.asarray(3600.0 * hours + 60.0 * minutes + numbers % _MINUTE)
+    hours, minutes = numbers // 10_000, numbers // 100 % 100
+    return np.asarray(3600.0 * hours + 60.0 * minutes + numbers % 100)
 
 
 def _count_days(calendar: Array) -> Array:
@@ -90,11 +77,9 @@ def _count_days(calendar: Array) -> Array:
     days = np.full(len(calendar), np.nan)
     for date in np.unique(calendar[np.isfinite(calendar)]):
         text = f"{int(date):08}"
-        try:
+        with suppress(ValueError):
             day = np.datetime64(f"{text[:4]}-{text[4:6]}-{text[6:]}", "D")
-        except ValueError:
-            continue
-        days[calendar == date] = float(day.astype(np.int64))
+            days[calendar == date] = float(day.astype(np.int64))
     return days
 
 
@@ -115,8 +100,6 @@ _DATE = re.compile(r"(?P<date>[^:]*?)[T ,_]*(?P<clock>\d{1,2}:\d\d.*)", re.IGNOR
 _DURATION = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(s|secs?|seconds?|ms|min)", re.IGNORECASE)
 _MINUTES = re.compile(r"(\d{1,3}):(\d\d[.,]\d+)")
 _DAYS = re.compile(r"(-?\d{1,6}) days?,? \+?(\d\d?):(\d\d):(\d\d(?:\.\d+)?)")
-_LONGEST = 80
-_SECONDS = {"ms": 1e-3, "min": 60.0}
 
 DAY_FIRST, MONTH_FIRST = "day first", "month first"
 AMBIGUOUS = "dates left out: they may be day/month or month/day; write 2026-03-01"
@@ -141,7 +124,7 @@ def has_slashes(text: str) -> bool:
 def write_iso(text: str, order: str | None) -> str | None:
     """A moment, or a time of day, as ISO 8601; `None` where it is neither. `order` is that of day
     and month in dates with slashes; without, those lose their date."""
-    plain = text[:_LONGEST].strip().strip("\"'")
+    plain = text[:80].strip().strip("\"'")
     split = _DATE.fullmatch(plain)
     clock = _CLOCK.fullmatch(split["clock"].strip()) if split else None
     if split is None or clock is None:
@@ -187,16 +170,13 @@ def _write_date(text: str, order: str | None) -> str | None:
 def read_duration_s(text: str) -> float | None:
     """Seconds of a number with a unit of time behind it, or of minutes and seconds with a point.
     `None` for anything else."""
-    plain = text[:_LONGEST].strip().strip("\"'")
+    plain = text[:80].strip().strip("\"'")
     if match := _DAYS.fullmatch(plain):
         days, hours, minutes, seconds = match.groups()
-        return 86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+        return DAY_S * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
     if match := _MINUTES.fullmatch(plain):
         return 60.0 * int(match[1]) + float(match[2].replace(",", "."))
     match = _DURATION.fullmatch(plain)
-    if match is None:
-        return None
-    try:
-        return float(match[1]) * _SECONDS.get(match[2].lower(), 1.0)
-    except ValueError:
-        return None
+    with suppress(ValueError):
+        return float(match[1]) * TIMES.get(match[2].lower(), (1.0,))[0] if match else None
+    return None

@@ -1,1 +1,0 @@
-"""What the headers of a table say of its columns."""

@@ -1,15 +1,9 @@
 """Which column is what, where the headers of a file do not say: `time=t,x=mx,y=my,z=mz`.
 
-The names on the left are canonical ones (`time_ms`, `temperature_C`, `acc_x_g`), x, y and z alone
-those of the magnetometer; on the right stand the headers of the file, or numbers from 1 where it
-has none. They are given with `--columns` or `read(columns=…)`, or kept beside the log, in a file
-with its name and `.toml` behind it:
-
-    unit = "uT"
-
-    [columns]
-    time = "t"
-    x = "mx"
+The names on the left are canonical ones (`time_ms`, `acc_x_g`), x, y and z alone those of the
+magnetometer; on the right stand the headers of the file, or numbers from 1 where it has none. They
+are given with `--columns` or `read(columns=…)`, or kept beside the log, in a file with its name and
+`.toml` behind it: `unit = "uT"`, and a table `[columns]` with lines such as `x = "mx"`.
 """
 
 from __future__ import annotations
@@ -24,22 +18,15 @@ from os.path import isfile
 from pathlib import Path
 
 from agonic.errors import LogError
-from agonic.logs.headers.conventions import name_documented
-from agonic.logs.headers.header import LONGEST, Column, identify_column
+from agonic.logs.headers.columns import name_documented
+from agonic.logs.headers.header import LONGEST, Column, identify_column, name_quantity
 from agonic.logs.headers.quantities import DOCUMENT, PARTS
 
-_BESIDE = ".toml"
-_AXES = "xyz"
 _UNIT_BEHIND = re.compile(r"[,;(\[{]\s*([^,;(\[{}\])]+)[)\]}]?\s*$")
-_FIELD_BEHIND = re.compile(r"_(nT|uT|[µμ]T|mT|mG|Gauss|gauss)$")
-_LIKE_A_CLOCK = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
 
 _DATE, _TIME_OF_DAY = DOCUMENT["parts"]["date"], DOCUMENT["parts"]["time"]
 _PART_OF = {word: part for part, words in PARTS.items() for word in words.split()}
-_AFTER = {"year": "month", "hour": "minute"}
-"""What mm or m stands for, by the part before it."""
 _IDLE = re.compile(r"(?i)utc|gmt|time|date|[\W\d_]+")
-_PART_OF_SECOND = re.compile(r"[nu](?:ano|icro)?secs?")
 _STRENGTH = re.compile(r"[hH][_ ]?([xyzXYZ])(?=$|\s*[(\[])")
 """The field as its strength, H, which alone is taken for no more than a letter: Hz."""
 
@@ -63,8 +50,7 @@ class ColumnNames:
         if self.several:
             here = {_sensor(name) for theirs, name in ours.items() if theirs in headers}
             ours = {h: name for h, name in ours.items() if _sensor(name) in {"", *here}}
-        missing = [theirs for theirs in ours if theirs not in headers]
-        if missing:
+        if missing := [theirs for theirs in ours if theirs not in headers]:
             there = ", ".join(map(repr, headers[:12])) + (", …" if len(headers) > 12 else "")
             raise LogError(f"{self.where} names {missing[0]!r}; the columns are {there}")
 
@@ -82,7 +68,7 @@ _scalar: ContextVar[str | None] = ContextVar("scalar", default=None)
 
 def _canonical(name: str, unit: str | None, theirs: str = "") -> str:
     """The header that stands for a name on the left, with the unit that theirs has."""
-    ours = f"mag_{name}" if name in _AXES else name
+    ours = f"mag_{name}" if name in "xyz" else name
     column = identify_column(ours)
     if column is None or column.unit is not None:
         return ours
@@ -98,8 +84,9 @@ def _read_unit(ours: str, theirs: str, column: Column) -> str | None:
     own = identify_column(theirs)
     if own is not None and own.quantity == column.quantity:
         named.append(own)
-    if _FIELD_BEHIND.search(theirs) and column.quantity.column in ("field", "scalar"):
-        named.append(identify_column(f"{ours}_{theirs.rpartition('_')[2]}"))
+    behind = re.search(r"_(nT|uT|[µμ]T|mT|mG|Gauss|gauss)$", theirs)
+    if behind and column.quantity.column in ("field", "scalar"):
+        named.append(identify_column(f"{ours}_{behind[1]}"))
     return next((one.unit for one in named if one is not None and one.unit is not None), None)
 
 
@@ -109,10 +96,8 @@ def _sensor(header: str) -> str:
 
 
 def _quantity(header: str) -> str:
-    column = identify_column(header)
-    if column is None or column.quantity.column == "disturber":
-        return header
-    return column.quantity.column
+    name = name_quantity(header)
+    return header if name in ("", "disturber") else name
 
 
 def parse_names(text: str | Mapping[str, str], where: str = "--columns") -> ColumnNames:
@@ -175,7 +160,7 @@ def names_for(
 
 def _read_beside(path: Path) -> ColumnNames | None:
     """The names in the file beside a log, if there is one with a table of columns."""
-    beside = Path(f"{path}{_BESIDE}")
+    beside = Path(f"{path}.toml")
     if not isfile(beside):  # False too where the name is longer than names may be
         return None
     try:
@@ -199,7 +184,7 @@ def rename_headers(headers: Sequence[str], title: str = "") -> list[str]:
     names = _in_force.get()
     named = headers if _names_sensor(names) else name_documented(headers, title)
     named = list(named) if names is None else names.rename(named)
-    if any(map(_PART_OF_SECOND.fullmatch, named)):  # sec and nsec
+    if any(re.fullmatch(r"[nu](?:ano|icro)?secs?", header) for header in named):  # beside sec
         named = [f"time_{header}" if header in ("sec", "s") else header for header in named]
     return _name_strength(_name_parts(named))
 
@@ -212,7 +197,8 @@ def _name_parts(headers: Sequence[str]) -> list[str]:
         word = _IDLE.sub("", header).lower() if len(header) < 24 else ""
         part = _PART_OF.get(word, "")
         if word in ("mm", "m"):
-            part = _AFTER.get(next((one for one in reversed(found) if one), ""), "")
+            before = next((one for one in reversed(found) if one), "")
+            part = {"year": "month", "hour": "minute"}.get(before, "")
         found.append("" if part in found else part)
     timed = {"hour", "minute"} <= {*found}
     dated = "year" in found and ({"month", "day_of_month"} <= {*found} or "day_of_year" in found)
@@ -223,9 +209,8 @@ def _name_parts(headers: Sequence[str]) -> list[str]:
 def _name_strength(headers: Sequence[str]) -> list[str]:
     """The headers, with `hx, hy, hz` as the field where all three are and no other field is."""
     axes = [match[1].lower() for h in headers if (match := _STRENGTH.match(h))]
-    if sorted(axes) != [*_AXES] or any(_quantity(header) == "field" for header in headers):
-        return list(headers)
-    return [_STRENGTH.sub(r"mag\1", header) for header in headers]
+    alone = sorted(axes) == [*"xyz"] and "field" not in map(_quantity, headers)
+    return [_STRENGTH.sub(r"mag\1", h) for h in headers] if alone else list(headers)
 
 
 def number_columns(width: int) -> list[str] | None:
@@ -237,8 +222,18 @@ def suggest_names(headers: Iterable[str]) -> str:
     """The option that would name the columns of a magnetometer, guessed from the headers."""
     known = [header for header in headers if len(header) <= LONGEST]
     free = [header for header in known if identify_column(header) is None]
-    time = next((h for h in known if _quantity(h) == "time" or _LIKE_A_CLOCK.search(h)), None)
-    free = sorted((h for h in free if _may_be_field(h)), key=lambda h: h[:1].lower() not in "mbh")
+    time = next(
+        (
+            h
+            for h in known
+            if _quantity(h) == "time" or re.search(r"(?i)time|clock|stamp|sec|ms$", h)
+        ),
+        None,
+    )
+    tails = [(header, _UNIT_BEHIND.search(header)) for header in free]
+    units = {h: identify_column(f"mag_x [{tail[1].strip()}]") for h, tail in tails if tail}
+    free = [h for h in free if h not in units or ((c := units[h]) and c.unit)]  # that a field has
+    free.sort(key=lambda h: h[:1].lower() not in "mbh")
     triples = (  # headers that differ in one letter
         [header[:at] + other + header[at + 1 :] for other in letters]
         for header in free
@@ -250,12 +245,3 @@ def suggest_names(headers: Iterable[str]) -> str:
     parts = [f"time={time}"] * (time is not None) + [f"x={x}", f"y={y}", f"z={z}"]
     columns = ",".join(parts)
     return f"--columns {repr(columns) if ' ' in columns else columns} --unit uT"
-
-
-def _may_be_field(header: str) -> bool:
-    """Whether the unit of a header, if it has one in brackets, can be that of a field."""
-    tail = _UNIT_BEHIND.search(header)
-    if tail is None:
-        return True
-    written = identify_column(f"mag_x [{tail[1].strip()}]")
-    return written is not None and written.unit is not None

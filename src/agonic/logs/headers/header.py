@@ -10,16 +10,6 @@ from functools import lru_cache
 
 from agonic.errors import UnitError
 from agonic.logs.headers import quantities as spelled
-from agonic.logs.headers.quantities import (
-    BY_COLUMN,
-    DISTURBER,
-    DISTURBER_UNITS,
-    TIMES,
-    ZONE,
-    Quantity,
-    canonical_header,
-    spell_out,
-)
 from agonic.units import find_unit
 
 
@@ -31,7 +21,7 @@ class Column:
     `documented` is the format whose documents give the unit, where the header itself does not."""
 
     header: str
-    quantity: Quantity
+    quantity: spelled.Quantity
     axis: str = ""
     sensor: str = ""
     unit: str | None = None
@@ -47,35 +37,21 @@ MOST_COLUMNS = 4096
 
 @lru_cache(maxsize=MOST_COLUMNS)
 def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Column | None:
-    """What a header says, or `None` where it is not one of the names above.
-
-    `sensors` are names of sensors before which a scalar may stand: `mmc_T_C` beside `mmc_x_uT`.
-
-    >>> column = identify_column("Magnetometer X (uT)")
-    >>> column.quantity.column, column.axis, column.unit
-    ('field', 'x', 'uT')
-    >>> column = identify_column("mmc_x_uT")
-    >>> column.quantity.column, column.sensor
-    ('field', 'mmc')
-    """
+    """What a header says, or `None` where it is no known name. `sensors` are names of sensors
+    before which a scalar may stand: `mmc_T_C` beside `mmc_x_uT`."""
     if len(header) > LONGEST or spelled.TIME_OR_TEMPERATURE.fullmatch(header.strip()):
         return None
     if scaled := spelled.SCALED.search(header):
         column = identify_column(header[: scaled.start()].rstrip("_ ([{"), sensors)
         known = column is not None and column.quantity.column == "field" and column.unit is None
         return replace(column, header=header) if column is not None and known else None
-    plain = ZONE.sub("", header.strip()) or header
+    plain = spelled.ZONE.sub("", header.strip()) or header
     text = spelled.UNCORRECTED.sub(
-        r"un\1", spell_out(spelled.EPOCH.sub("epoc", spelled.SHIMMER.sub(r"\1\2", plain)))
+        r"un\1", spelled.spell_out(spelled.EPOCH.sub("epoc", spelled.SHIMMER.sub(r"\1\2", plain)))
     )
     text = spelled.INDEX.sub(lambda index: "_" + "xyz"[int(index[1] or index[2])], text)
     text = spelled.ORDERED.sub(lambda index: f"_{index[1][int(index[2])]}", text)
-    split = (
-        spelled.BRACKET.fullmatch(text)
-        or spelled.LAST_BRACKET.fullmatch(text)
-        or spelled.COMMA.fullmatch(text)
-        or spelled.OVER.fullmatch(text)
-    )
+    split = next(filter(None, (form.fullmatch(text) for form in spelled.WITH_UNIT)), None)
     name, unit = (
         (split["name"], spelled.squash(spelled.IN.sub("", spelled.CODE.sub("", split["unit"]))))
         if split
@@ -85,7 +61,7 @@ def identify_column(header: str, sensors: frozenset[str] = frozenset()) -> Colum
     if unit and not unit.isascii():
         return None
     if split and (named := spelled.OF_GPS.get(spelled.squash(text).lower())):  # Time (GPS TOW)
-        return Column(header=header, quantity=BY_COLUMN[named], rank=spelled.ALIAS)
+        return Column(header=header, quantity=spelled.BY_COLUMN[named], rank=spelled.ALIAS)
     return (
         _identify(header, spelled.squash(name), unit)
         or _identify_with_sensor(header, name, unit, sensors)
@@ -101,28 +77,37 @@ def _identify_disturber(header: str) -> Column | None:
     unit = match["unit"]
     return Column(
         header=header,
-        quantity=DISTURBER,
-        sensor=f"{match['name']}_{DISTURBER_UNITS.get(unit, unit)}",
+        quantity=spelled.DISTURBER,
+        sensor=f"{match['name']}_{spelled.DISTURBER_UNITS.get(unit, unit)}",
         unit=unit,
-        rank=spelled.CANONICAL if unit not in DISTURBER_UNITS else spelled.ALIAS,
+        rank=spelled.CANONICAL if unit not in spelled.DISTURBER_UNITS else spelled.ALIAS,
     )
 
 
 def _identify(header: str, name: str, bracket: str) -> Column | None:
     """What a name without punctuation says, with the unit beside it."""
-    if len(name) > 3 and name.lower() in TIMES:  # a column called "millis"
+    if len(name) > 3 and name.lower() in spelled.TIMES:  # a column called "millis"
         name = f"time{name}"
     if match := spelled.TEMPERATURE.fullmatch(name + bracket):
-        choices, axes, number = [(BY_COLUMN["temperature"], spelled.ALIAS)], [], match["after"]
+        choices, axes, number = (
+            [(spelled.BY_COLUMN["temperature"], spelled.ALIAS)],
+            [],
+            match["after"],
+        )
         suffix = match["unit"]
     elif match := spelled.SCALAR_PART.fullmatch(name):
-        choices, axes, number, suffix = [(BY_COLUMN["quaternion"], spelled.ALIAS)], ["w"], "", None
+        choices, axes, number, suffix = (
+            [(spelled.BY_COLUMN["quaternion"], spelled.ALIAS)],
+            ["w"],
+            "",
+            None,
+        )
     elif match := spelled.WHOLE_NAME.fullmatch(name):
         choices = spelled.NAMES[match["name"].lower()]
         axes = [match[group] for group in ("before", "axis", "last") if match[group]]
         number, suffix = match["after"] or match["number"] or match["imu"] or "", match["unit"]
     elif match := spelled.BARE.fullmatch(name):
-        choices = [(BY_COLUMN["field"], spelled.FALLBACK)]
+        choices = [(spelled.BY_COLUMN["field"], spelled.FALLBACK)]
         axes, number, suffix = [match["axis"]], match["after"], match["unit"]
     else:
         return None
@@ -137,7 +122,7 @@ def _identify(header: str, name: str, bracket: str) -> Column | None:
         known, unit = _unit(quantity, suffix, bracket)
         if not known:
             continue
-        if header == canonical_header(quantity.column, axis, unit):
+        if header == spelled.canonical_header(quantity.column, axis, unit):
             rank = spelled.CANONICAL
         if field and re.search("uncal|uncomp", name, re.IGNORECASE):
             rank = spelled.PREFERRED
@@ -176,7 +161,9 @@ def _identify_with_sensor(
         quantity = column.quantity.column
         sensor = _name_sensor(before, column.quantity)
         bare = column.rank == spelled.FALLBACK and quantity in ("field", "time")
-        if sensor is None or (bare and not _is_field_unit(column, rest, unit)):
+        written = (unit or re.sub(r"(?i)^[xyz](axis)?\d*", "", rest)).lower()
+        of_field = column.unit in spelled.TESLA and written not in spelled.AMBIGUOUS
+        if sensor is None or (bare and not of_field):  # other quantities have that unit too
             return None
         scalar = not column.axis and quantity != "time"
         if scalar and sensor and sensor not in sensors and "/" not in header:
@@ -196,7 +183,7 @@ def name_quantity(header: str) -> str:
 
 def is_unit(text: str) -> bool:
     """Whether a word is a unit of anything that a column can hold."""
-    return spelled.squash(spell_out(text)).lower() in spelled.UNITS
+    return spelled.squash(spelled.spell_out(text)).lower() in spelled.UNITS
 
 
 def names_reading(name: str) -> bool:
@@ -204,7 +191,7 @@ def names_reading(name: str) -> bool:
     return not spelled.NO_READING.intersection(word.lower() for word in spelled.TOKEN.findall(name))
 
 
-def _name_sensor(words: Sequence[str], quantity: Quantity) -> str | None:
+def _name_sensor(words: Sequence[str], quantity: spelled.Quantity) -> str | None:
     """The sensor that words before a name stand for; `None` where they name another quantity."""
     kept = []
     for word in words:
@@ -232,13 +219,7 @@ _OF_MAGNETOMETER = ("time", "temperature", "roll_deg", "pitch_deg", "unit")
 """What a column named for a magnetometer may hold beside its field: mag1_temp."""
 
 
-def _is_field_unit(column: Column, rest: str, bracket: str) -> bool:
-    """Whether the unit alone says that the column is a field: no other quantity has it."""
-    written = (bracket or re.sub(r"^[xyz](axis)?\d*", "", rest, flags=re.IGNORECASE)).lower()
-    return column.unit in spelled.TESLA and written not in spelled.AMBIGUOUS
-
-
-def _unit(quantity: Quantity, suffix: str | None, bracket: str) -> tuple[bool, str | None]:
+def _unit(quantity: spelled.Quantity, suffix: str | None, bracket: str) -> tuple[bool, str | None]:
     """Whether the unit is one of the quantity's, and which; a bracket may hold a remark."""
     written = suffix or bracket
     if not written:

@@ -1,11 +1,6 @@
-"""The quantities that a table of readings can hold, and the names and units loggers give them.
-
-They are rows of `quantities.toml`, which says what each part of a row is.
-
-How headers are spelled: names, units and the patterns made of them, in plain English letters.
-
-Loggers write headers in the language of their user: "Время, с", "磁场X(uT)", "Magnetfeld x (µT)".
-A word that is not known stays as it is, so that what it stands for is never taken for another.
+"""The quantities that a table of readings can hold, and how loggers spell their names and units,
+which is `quantities.toml`: in plain English letters, where headers are in the language of their
+user. A word that is not known stays as it is, so that it is never taken for another.
 """
 
 from __future__ import annotations
@@ -71,7 +66,7 @@ def _make_quantity(row: Mapping[str, Any]) -> Quantity:
 QUANTITIES = tuple(map(_make_quantity, DOCUMENT["quantities"]))
 DISTURBER = _make_quantity(DOCUMENT["disturber"])
 """Whatever may disturb: any name with one of these units behind it, in these letters."""
-DISTURBER_UNITS = {"mA": "A", "mW": "W", "percent": "duty", "pwm_us": "duty"}
+DISTURBER_UNITS: Mapping[str, str] = DOCUMENT["disturber_units"]
 """The unit in which a disturber is kept that was recorded in another: duty is 0…1, of 1…2 ms."""
 
 BY_COLUMN = {quantity.column: quantity for quantity in QUANTITIES}
@@ -136,17 +131,17 @@ SCALED = re.compile(
     r"(?=(?:[nuµμm]?T|m?G|m?A|C|g)[)\]}\s]*$)"
 )
 """A factor before a unit, 0.1uT: the numbers are in no unit that is known."""
-BRACKET = re.compile(r"(?P<name>[^(\[{]*[^\s(\[{])\s*[(\[{](?P<unit>[^)\]}]*)[)\]}]\s*")
-LAST_BRACKET = re.compile(
-    r"(?P<name>.*[)\]}].*[^\s(\[{])\s*[(\[{](?P<unit>[^()\[\]{}]{2,})[)\]}]\s*"
+WITH_UNIT = (
+    re.compile(r"(?P<name>[^(\[{]*[^\s(\[{])\s*[(\[{](?P<unit>[^)\]}]*)[)\]}]\s*"),
+    re.compile(r"(?P<name>.*[)\]}].*[^\s(\[{])\s*[(\[{](?P<unit>[^()\[\]{}]{2,})[)\]}]\s*"),
+    re.compile(r"(?P<name>[^,;]*\w)\s*[,;]\s*(?P<unit>[^,;]+)"),
+    re.compile(r"(?P<name>.*\w)\s+/\s+(?P<unit>\S+)\s*"),
 )
-"""A unit behind a name that has brackets of its own: IMU_ATTI(0):magX[a/d]."""
+"""A name with a unit in brackets, the name perhaps with its own, behind a comma or a slash."""
 IN = re.compile(r"^\s*(?:in|units?)\b[\s:=]*(?=\w)", re.IGNORECASE)
 """What may stand before a unit in words: x (in microteslas)."""
 CODE = re.compile(r"^\s*0?x[0-9a-f]{2,8}\s*$", re.IGNORECASE)
 """What makers call a channel, no unit: X Mag [x8006]."""
-COMMA = re.compile(r"(?P<name>[^,;]*\w)\s*[,;]\s*(?P<unit>[^,;]+)")
-OVER = re.compile(r"(?P<name>.*\w)\s+/\s+(?P<unit>\S+)\s*")
 INDEX = re.compile(r"(?<!q)(?<!quat)\[([012])\]|(?<!q)(?<!quat)\.0([012])\s*$", re.IGNORECASE)
 ORDERED = re.compile(r"_?(wxyz|xyzw)_?\[?([0-3])\]?\s*$", re.IGNORECASE)
 """A component of a quaternion whose name states the order."""
@@ -160,9 +155,9 @@ TOKEN = re.compile(r"[A-Z]?[a-z][a-z0-9]*|[A-Z][A-Z0-9]*(?![a-z])|\d+|[^\W_]+")
 NO_READING = frozenset(DOCUMENT["headers"]["no_reading"].split())
 """Words before a name that say that the column is not what a sensor reads."""
 IDLE = frozenset(_BEFORE.split("|")) | {"topic", "stamped", "buffer", "values", "log"}
-TESLA = ("nT", "uT", "mT", "T", "G", "mG")
-GRAVITIES = ("g", "mg")
-AMBIGUOUS = ("t", "g", "mg", "ga", "mt")
+TESLA, GRAVITIES, AMBIGUOUS = (
+    tuple(DOCUMENT["headers"][name].split()) for name in ("tesla", "gravities", "ambiguous")
+)
 DISTURBER_NAME = re.compile(rf"(?P<name>[^\W\d]\w*)_(?P<unit>{_either(DISTURBER.units)})", re.ASCII)
 """The name of something that draws power or is magnetic, its unit behind it: heater_mA."""
 
@@ -171,17 +166,7 @@ _SIGNS = str.maketrans(
     {"μ": "u", "µ": "u", "°": "deg", "º": "deg", "%": "percent", "ʯ": "u", "℃": "degC"}
 )
 
-_BROKEN = tuple(
-    (re.compile(pattern), whole)
-    for pattern, whole in (
-        (r"Âµ|Î¼|¬µ|Î1⁄4", "u"),
-        (r"Â°|¬∞", "deg"),
-        (r"Â²|¬≤", "2"),
-        (r"(?<=[\[({_ ,;])(?:\?{1,2}|\ufffd{1,2}|ï¿½)(?=T(?:esla)?\b|s\b)", "u"),
-        (r"(?<=[\[({_ ,;])(?:\?{1,2}|\ufffd{1,2}|ï¿½)(?=/s|[CF]?[\])}]?$)", "deg"),
-        (r"(?<=/s)(?:\?{1,2}|\ufffd{1,2}|ï¿½)", "2"),
-    )
-)
+_BROKEN = tuple((re.compile(broken), whole) for whole, broken in DOCUMENT["broken"])
 """Signs that were read in another encoding than they were written in, or lost: of the units of a
 field, or of a time, only µT and µs have a letter that can be."""
 
@@ -202,13 +187,7 @@ _LOOK_ALIKE = dict(zip("АВЕКМНОРСТУХавекмнорстух", "ABEK
 
 
 def spell_out(text: str) -> str:
-    """A header with its signs spelled out and the words that are known in English.
-
-    >>> spell_out("Магнитное поле X, мкТл"), spell_out("磁场Y(uT)"), spell_out("T, °C")
-    ('magneticfield X, uT', ' magneticfield Y(uT)', 'T, degC')
-    >>> spell_out("Bx (ÂµT)"), spell_out("Bx (?T)"), spell_out("acc x (m/s\ufffd)")
-    ('Bx (uT)', 'Bx (uT)', 'acc x (m/s2)')
-    """
+    """A header with its signs spelled out and the words that are known in English."""
     for broken, whole in _BROKEN:
         text = broken.sub(whole, text)
     plain = unicodedata.normalize("NFC", text).translate(_SIGNS)

@@ -20,7 +20,7 @@ from agonic.errors import AgonicError, LogError, MissingExtraError
 from agonic.logs.formats import PARQUET
 from agonic.logs.headers.columns import Identified, identify_columns
 from agonic.logs.headers.header import Column, name_quantity
-from agonic.logs.headers.quantities import squash
+from agonic.logs.headers.quantities import DOCUMENT, squash
 from agonic.logs.log import Table
 from agonic.provenance import hash_file
 from agonic.units import RAW, find_unit, nanotesla_per
@@ -66,17 +66,11 @@ def database_error_type() -> type[Exception]:
     return duckdb.Error
 
 
-SENSOR_COLUMNS = frozenset(
-    """
-    sensor sensorid sensorname device deviceid devicename board boardid serial serialnumber serialno
-    unitid node nodeid
-    """.split()  # noqa: SIM905
-)
+SENSOR_COLUMNS = frozenset(DOCUMENT["headers"]["sensor_columns"].split())
 """Names of the column that tells sensors apart, where none is given; case, blanks and punctuation
 do not count."""
 
 NUMBERS = ("TINYINT", "SMALLINT", "INTEGER", "BIGINT", "FLOAT", "DOUBLE", "DECIMAL", "U", "HUGE")
-_BATCH = 50_000  # rows
 _SUFFIXES = (".parquet", ".parq", ".pq")
 
 
@@ -131,7 +125,11 @@ class Dataset:
         """The magnetometers of each sensor; `LogError` where there is none."""
         fields = self.found.get("field", {})
         made = tuple(
-            Channel(name=f"mag{number}", axes=_axes(columns), unit=self._unit(columns))
+            Channel(
+                name=f"mag{number}",
+                axes=(columns["x"].header, columns["y"].header, columns["z"].header),
+                unit=self._unit(columns),
+            )
             for number, columns in fields.items()
             if len(columns) == 3
         )
@@ -169,11 +167,6 @@ class Dataset:
             raise LogError("the axes are in different units; give them one", path=self.path)
         named = units.pop()
         return (self.unit or RAW) if named in (None, RAW) else str(named)
-
-
-def _axes(columns: dict[str, Column]) -> tuple[str, str, str]:
-    x, y, z = (columns[axis].header for axis in "xyz")
-    return x, y, z
 
 
 def find_dataset(
@@ -259,10 +252,9 @@ def _columns(db: Any, path: Path, files: Sequence[str]) -> dict[str, str]:
         described = db.execute(f"describe select * from {select_table(files)}").fetchall()
     except database_error_type() as error:
         raise LogError(f"its files do not form a table: {_first_line(error)}", path=path) from None
-    return {row[0]: str(row[1]) for row in described if row[0] not in _OURS}
-
-
-_OURS = ("filename", "file_row_number")
+    return {
+        row[0]: str(row[1]) for row in described if row[0] not in ("filename", "file_row_number")
+    }
 
 
 def _sensor_column(columns: dict[str, str], given: str | None, path: Path) -> str | None:
@@ -313,7 +305,7 @@ def read_tables(db: Any, dataset: Dataset, ids: Index) -> Iterator[tuple[int, Ta
         "order by id, t, filename, file_row_number"
     )
     gathered: list[Any] = []
-    for batch in db.sql(query).to_arrow_reader(_BATCH):
+    for batch in db.sql(query).to_arrow_reader(50_000):
         edges = np.flatnonzero(np.diff(batch.column(0).to_numpy())) + 1
         for start, stop in pairwise([0, *edges.tolist(), batch.num_rows]):
             part = batch.slice(start, stop - start)

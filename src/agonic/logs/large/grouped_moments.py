@@ -212,7 +212,6 @@ def _whole(column: Any) -> NDArray[np.int64]:
 
 BLOCKS = 8
 """Stretches of equal time into which each sensor's readings are cut."""
-_SOME = 20_000  # readings tell what the accelerometers measure at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -270,13 +269,9 @@ def sum_residuals(
     with np.errstate(invalid="ignore", divide="ignore"):
         vertical = np.sqrt(np.maximum(second / weight - (first / weight) ** 2, 0.0))
     return GroupedResiduals(
-        count=count,
-        squares=squares,
-        fourths=fourths,
-        largest=largest,
-        pull=sums[..., 4:7],
+        count=count, squares=squares, fourths=fourths, largest=largest, pull=sums[..., 4:7],
         vertical=vertical,
-    )
+    )  # fmt: skip
 
 
 def _residuals(db: Any, dataset: Dataset, channel: Channel) -> str:
@@ -315,6 +310,6 @@ def _gravity(db: Any, dataset: Dataset, channel: Channel) -> tuple[tuple[str, ..
         return tuple(f"null::double as a{axis}" for axis in "xyz"), 1.0
     axes = tuple(f"{quote(columns[a].header)}::double as a{a}" for a in "xyz")
     felt = "median(sqrt(ax * ax + ay * ay + az * az))"
-    some = f"(select {', '.join(axes)} from {select_table(dataset.files)} limit {_SOME})"
+    some = f"(select {', '.join(axes)} from {select_table(dataset.files)} limit 20000)"
     usual = db.execute(f"select {felt} from {some} where isfinite(ax + ay + az)").fetchall()[0][0]
     return axes, float(usual or 1.0)

@@ -1,9 +1,7 @@
 """A mission: a record in one file or many, longer than memory, read piece by piece.
 
-Readings and times alone, as a Parquet table stores them: the columns that a long fit sweeps.
-
 A `Samples` is checked, copied and put into units; for 10⁸ rows that costs more than reading them. A
-strip is the columns as they were decoded, with the factor and the clock that go with them.
+strip is readings and times alone as they were decoded, with the factor and the clock of them.
 """
 
 from __future__ import annotations
@@ -38,9 +36,6 @@ Column = NDArray[Any]
 
 STRIP = 65_536
 """Rows in a strip: two megabytes, some of them ahead of the work."""
-
-_SECONDS = np.array([1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0])
-_BESIDE = ("sensor", "date", "epoch", "frame")
 
 
 class Strip(NamedTuple):
@@ -82,7 +77,7 @@ def find_layout(table: Mapping[str, Column], head: Samples, unit: str | None) ->
     found = identify_columns(table)
     axes = found["field"].get(head.name.removeprefix("mag"))
     times = found.get("time", {})
-    if axes is None or any(name in found for name in _BESIDE) or len(times) > 1:
+    if axes is None or not {"sensor", "date", "epoch", "frame"}.isdisjoint(found) or len(times) > 1:
         return None
     headers = (axes["x"].header, axes["y"].header, axes["z"].header)
     if any(table[header].dtype.kind not in "fiu" for header in headers):
@@ -102,30 +97,18 @@ def find_layout(table: Mapping[str, Column], head: Samples, unit: str | None) ->
         return None
     numbers = _numbers(stored)
     scale = (seconds[-1] - seconds[0]) / float(numbers[-1] - numbers[0])
-    exact = float(_SECONDS[np.argmin(np.abs(np.log(_SECONDS / scale)))])
+    ticks = (1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)
+    exact = min(ticks, key=lambda tick: abs(np.log(tick / scale)))
     if abs(scale / exact - 1) > 1e-6:
         return None
+    begun = float(seconds[0])
     return Layout(
-        axes=headers,
-        factor=factor,
-        time=column.header,
-        first=numbers[0],
-        scale=exact,
-        begun=float(seconds[0]),
+        axes=headers, factor=factor, time=column.header, first=numbers[0], scale=exact, begun=begun
     )
 
 
 def _numbers(stored: Column) -> Column:
     return stored.view(np.int64) if stored.dtype.kind == "M" else stored
-
-
-def sweep(path: Path | Remote, of: Layout, size: int) -> Iterator[Strip]:
-    """The strips of a Parquet file, with all their rows."""
-    time = [] if of.time is None else [of.time]
-    for table in parquet.read_ahead(path, size, [*of.axes, *time]):
-        x, y, z = (table[header] for header in of.axes)
-        seconds = [(_numbers(table[one]) - of.first) * of.scale + of.begun for one in time]
-        yield Strip((x, y, z), of.factor, next(iter(seconds), None), {})
 
 
 def keep_usable(strip: Strip, last: float) -> Strip:
@@ -236,7 +219,7 @@ class Mission:
         if _is_parquet(path):
             of = find_layout(next(parquet.read_batches(path, _HEAD)), head, self.unit)
         if of is not None:
-            whole = sweep(path, replace(of, begun=of.begun + shift), self.strip)
+            whole = self._sweep(path, replace(of, begun=of.begun + shift))
         else:
             whole = (
                 Strip((x, y, z), 1.0, None if one.time is None else one.time + shift, one.rejected)
@@ -249,6 +232,14 @@ class Mission:
             if usable.time is not None and len(usable):
                 last = float(usable.time[-1])
             yield usable
+
+    def _sweep(self, path: Path | Remote, of: Layout) -> Iterator[Strip]:
+        """The strips of a Parquet file, with all their rows."""
+        time = [] if of.time is None else [of.time]
+        for table in parquet.read_ahead(path, self.strip, [*of.axes, *time]):
+            x, y, z = (table[header] for header in of.axes)
+            seconds = [(_numbers(table[one]) - of.first) * of.scale + of.begun for one in time]
+            yield Strip((x, y, z), of.factor, next(iter(seconds), None), {})
 
     def _of_file(
         self, path: Path | Remote, source: Input, without: tuple[str, ...]

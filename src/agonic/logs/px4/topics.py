@@ -6,178 +6,121 @@ down) into north, east, down. Names and units of the topics: PX4-Autopilot, msg/
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime, timedelta
-from typing import Any
+from collections.abc import Iterator
+from datetime import datetime, timedelta
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.logs.rows.tracks import Candidate, Track
+from agonic.logs.clocks.clock import UNIX, UNIX_SECONDS
+from agonic.logs.headers.columns import read_dialects
+from agonic.logs.rows import tracks
+from agonic.logs.rows.auxiliary import ATTITUDE
 
-Topic = Mapping[str, NDArray[Any]]
-Topics = Mapping[str, Topic]
-
-ATTITUDE, MOTION = "vehicle_attitude[0]", "sensor_combined[0]"
 GPS = ("vehicle_gps_position[0]", "sensor_gps[0]")
-ESTIMATED_PLACE = "vehicle_global_position[0]"
-BATTERY = "battery_status"
-CONTROLS, THRUST = "actuator_controls_0[0]", "vehicle_thrust_setpoint[0]"
-MOTORS, OUTPUTS = "actuator_motors[0]", "actuator_outputs[0]"
-SPEED_CONTROLLERS = "esc_status[0]"
-YAW_ESTIMATOR = "yaw_estimator_status[0]"
-ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
-PLACE = ("latitude_deg", "longitude_deg", "altitude_m")
-GPS_YAW_SD_DEG = 2.0
-"""Of two antennas half a metre apart, where the receiver does not say."""
-BESIDE = tuple(
-    name.removesuffix("[0]")
-    for name in (
-        *(ATTITUDE, MOTION, *GPS, ESTIMATED_PLACE, BATTERY, CONTROLS, THRUST),
-        *(MOTORS, OUTPUTS, SPEED_CONTROLLERS, YAW_ESTIMATOR),
-    )
-)
+BESIDE: tuple[str, ...] = tuple(read_dialects()["beside"]["PX4"]["topics"].split())
 """The topics that are read."""
 
-_UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_YEAR_2001_US, _YEAR_2096_US = 1e15, 4e15
-_SHORTEST_PULSE_US = 800.0
-_LONGEST_RUN_US = 1e14  # three years; what lies above is damage
 
-
-def list_tracks(topics: Topics, time: Array, rotation_bm: Rotation | None) -> Iterator[Track]:
+def list_tracks(
+    topics: tracks.Tables, time: Array, rotation_bm: Rotation | None
+) -> Iterator[tracks.Track]:
     """Attitude, motion, power and place, as recorded beside a magnetometer with these times.
     Acceleration and rotation rate are logged in body axes; they are turned into those of the
     magnetometer, and left out where the turn is not known."""
+    quantities = (*_list_attitude(topics), *tracks.list_quantities("PX4", topics))
+    disturbers = (*_list_disturbers(topics), *_list_batteries(topics))
+    for name, topic, values in (*quantities, *disturbers):
+        if values.ndim > 1:
+            if rotation_bm is None:
+                continue
+            values = rotation_bm.apply(values, inverse=True)
+        assert topic.time_s is not None
+        yield tracks.Track(name, topic.time_s, values, time)
 
-    def track(name: str, topic: Topic, values: Array) -> Track:
-        return Track(name, read_time_s(topic), values, time)
 
-    attitude, motion = topics.get(ATTITUDE, {}), topics.get(MOTION, {})
-    if (q := stack_vector(attitude, *(f"q[{i}]" for i in range(4)))) is not None:
-        q[np.abs(np.linalg.norm(q, axis=1) - 1) > 0.1] = np.nan
-        for name, angle in zip(ANGLES, compute_euler_deg(q), strict=True):
-            yield track(name, attitude, angle)
-    for name, logged in (("acceleration", "accelerometer_m_s2"), ("rotation_rate", "gyro_rad")):
-        body = stack_vector(motion, *(f"{logged}[{i}]" for i in range(3)))
-        if body is not None and rotation_bm is not None:
-            yield track(name, motion, rotation_bm.apply(body, inverse=True))
-    controls, thrust = topics.get(CONTROLS, {}), topics.get(THRUST, {})
-    if "control[3]" in controls:
-        yield track("throttle", controls, controls["control[3]"])
-    elif (xyz := stack_vector(thrust, "xyz[0]", "xyz[1]", "xyz[2]")) is not None:
-        yield track("throttle", thrust, np.linalg.norm(xyz, axis=1))
-    place, fixed = _find_place(topics)
-    for name, values in place.items():
-        yield Track(name, fixed, values, time)
-    for name, topic, values in _list_disturbers(topics):
-        yield track(name, topic, values)
-    batteries = [topics[name] for name in sorted(topics) if name.startswith(BATTERY)]
-    measured = [b for b in batteries if "current_a" in b and (b["current_a"] > 0).any()]
-    for k, battery in enumerate(measured, start=1):
-        current = battery["current_a"].astype(np.float64)  # a negative one is unknown
+def _list_attitude(topics: tracks.Tables) -> Iterator[tracks.Quantity]:
+    """Roll, pitch and heading; the throttle as the length of the thrust, where none is logged (a
+    throttle goes before it)."""
+    attitude, thrust = topics.get("vehicle_attitude[0]"), topics.get("vehicle_thrust_setpoint[0]")
+    quat = None if attitude is None else attitude.stack(*(f"q[{i}]" for i in range(4)))
+    if attitude is not None and quat is not None:
+        quat = quat.astype(np.float64)
+        quat[np.abs(np.linalg.norm(quat, axis=1) - 1) > 0.1] = np.nan
+        for name, angle in zip(ATTITUDE, compute_euler_deg(quat), strict=True):
+            yield name, attitude, angle
+    force = None if thrust is None else thrust.stack("xyz[0]", "xyz[1]", "xyz[2]")
+    if thrust is not None and force is not None:
+        yield "throttle", thrust, np.linalg.norm(force.astype(np.float64), axis=1)
+
+
+def _list_batteries(topics: tracks.Tables) -> Iterator[tracks.Quantity]:
+    """The currents of the batteries that measure one; a negative one is unknown."""
+    batteries = [topics[name] for name in sorted(topics) if name.startswith("battery_status")]
+    currents = ((b, current) for b in batteries if (current := b.get("current_a")) is not None)
+    measured = ((b, current.astype(np.float64)) for b, current in currents if (current > 0).any())
+    for k, (battery, current) in enumerate(measured, start=1):
         name = "current_A" if k == 1 else f"battery{k}_A"
-        yield track(name, battery, np.where(current >= 0, current, np.nan))
+        yield name, battery, np.where(current >= 0, current, np.nan)
 
 
-def list_headings(topics: Topics) -> Iterator[Candidate]:
+def list_headings(topics: tracks.Tables) -> Iterator[tracks.Candidate]:
     """What tells a heading without a magnetometer: a GPS with two antennas, the yaw by velocities.
     `heading` of the GPS is NaN where there is none; `heading_accuracy` its sd, rad. The composite
     yaw of `yaw_estimator_status` counts where `yaw_composite_valid` says so."""
-    for name in GPS:
-        topic = topics.get(name, {})
-        if "heading" not in topic or not np.isfinite(topic["heading"]).any():
+    for gps in (topics[name] for name in GPS if name in topics):
+        heading = gps.get("heading")
+        if heading is None or not np.isfinite(heading).any():
             continue
-        heading = np.degrees(topic["heading"].astype(np.float64))
-        sd = np.degrees(topic.get("heading_accuracy", np.full(len(heading), np.nan)))
-        sd = np.where(sd > 0, sd, GPS_YAW_SD_DEG)
-        yield Candidate("GPS yaw", read_time_s(topic), heading, sd)
+        sd = np.degrees(gps.columns.get("heading_accuracy", np.full(len(gps), np.nan)))
+        sd = np.where(sd > 0, sd, tracks.GPS_YAW_SD_DEG)
+        assert gps.time_s is not None
+        yield tracks.Candidate("GPS yaw", gps.time_s, np.degrees(heading.astype(np.float64)), sd)
         break
-    topic = topics.get(YAW_ESTIMATOR, {})
-    if {"yaw_composite", "yaw_variance"} <= set(topic):
-        yaw = np.degrees(topic["yaw_composite"].astype(np.float64))
-        valid = topic.get("yaw_composite_valid", np.ones(len(yaw))).astype(bool)
-        sd = np.degrees(np.sqrt(np.abs(topic["yaw_variance"].astype(np.float64))))
-        yield Candidate("EKF-GSF yaw", read_time_s(topic), np.where(valid, yaw, np.nan), sd)
+    estimator = topics.get("yaw_estimator_status[0]")
+    if estimator is not None and {"yaw_composite", "yaw_variance"} <= estimator.columns.keys():
+        yaw = np.degrees(estimator.columns["yaw_composite"].astype(np.float64))
+        valid = estimator.columns.get("yaw_composite_valid", np.ones(len(yaw))).astype(bool)
+        variance = estimator.columns["yaw_variance"].astype(np.float64)
+        sd = np.degrees(np.sqrt(np.abs(variance)))
+        assert estimator.time_s is not None
+        yield tracks.Candidate("EKF-GSF yaw", estimator.time_s, np.where(valid, yaw, np.nan), sd)
 
 
-def _list_disturbers(topics: Topics) -> Iterator[tuple[str, Topic, Array]]:
+def _list_disturbers(topics: tracks.Tables) -> Iterator[tracks.Quantity]:
     """What may disturb a compass beside the batteries, by name. Motors by their command 0…1 (older
     logs: by their pulse of 1…2 ms), speed controllers by their current."""
-    motors, outputs = topics.get(MOTORS, {}), topics.get(OUTPUTS, {})
-    controllers = topics.get(SPEED_CONTROLLERS, {})
-    commanded = [(f"motor{k + 1}_duty", motors, f"control[{k}]", (1.0, 0.0)) for k in range(12)]
-    if not motors:
-        commanded = [
-            (f"output{k + 1}_duty", outputs, f"output[{k}]", (1e-3, -1.0))
-            for k in range(16)
-            if np.nanmax(outputs.get(f"output[{k}]", np.zeros(1)), initial=0.0) > _SHORTEST_PULSE_US
-        ]
-    drawn = [(f"esc{k + 1}_A", controllers, f"esc[{k}].esc_current", (1.0, 0.0)) for k in range(8)]
-    for name, topic, column, (factor, offset) in (*commanded, *drawn):
-        if column in topic:
-            values = factor * topic[column].astype(np.float64) + offset
-            least = -1.0 if motors else 0.0
-            yield name, topic, np.clip(values, least, 1.0) if name.endswith("_duty") else values
+    motors, outputs = topics.get("actuator_motors[0]"), topics.get("actuator_outputs[0]")
+    for k in range(16):
+        if motors is not None and (duty := motors.get(f"control[{k}]")) is not None:
+            yield f"motor{k + 1}_duty", motors, np.clip(duty.astype(np.float64), -1.0, 1.0)
+        pulse = None if motors is not None or outputs is None else outputs.get(f"output[{k}]")
+        if (
+            outputs is not None
+            and pulse is not None
+            and np.nanmax(pulse) > tracks.SHORTEST_PULSE_US
+        ):
+            duty = 1e-3 * pulse.astype(np.float64) - 1.0
+            yield f"output{k + 1}_duty", outputs, np.clip(duty, 0.0, 1.0)
+    controllers = topics.get("esc_status[0]")
+    for k in range(8) if controllers is not None else ():
+        assert controllers is not None
+        if (drawn := controllers.get(f"esc[{k}].esc_current")) is not None:
+            yield f"esc{k + 1}_A", controllers, drawn.astype(np.float64)
 
 
-def _find_place(topics: Topics) -> tuple[dict[str, Array], Array]:
-    """Position from GPS where it has a three-dimensional fix, else the vehicle's estimate;
-    and its times."""
-    for name in (*GPS, ESTIMATED_PLACE):
-        topic = topics.get(name, {})
-        latitude = _read_scaled(topic, 1e7, "lat", "latitude_deg")
-        longitude = _read_scaled(topic, 1e7, "lon", "longitude_deg")
-        altitude = _read_scaled(
-            topic, 1e3, "alt_ellipsoid", "altitude_ellipsoid_m", "alt", "altitude_msl_m"
-        )
-        if latitude is None or longitude is None:
-            continue
-        fixed = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180) & (latitude != 0)
-        if "fix_type" in topic:
-            fixed &= topic["fix_type"] >= 3
-        if fixed.any():
-            place = dict(zip(PLACE, (latitude, longitude, altitude), strict=True))
-            known = {name: values[fixed] for name, values in place.items() if values is not None}
-            return known, read_time_s(topic)[fixed]
-    return {}, np.empty(0)
-
-
-def _read_scaled(topic: Topic, per_unit: float, *names: str) -> Array | None:
-    """The first of these columns that holds anything; older messages count whole numbers."""
-    for name in names:
-        if name in topic and topic[name].any():
-            whole = topic[name].dtype.kind in "iu"
-            return topic[name].astype(np.float64) / (per_unit if whole else 1.0)
-    return None
-
-
-def stack_vector(topic: Topic, *names: str) -> Array | None:
-    """These columns side by side, (n, …), if all are there."""
-    if not set(names) <= set(topic):
-        return None
-    return np.stack([topic[name] for name in names], axis=1).astype(np.float64)
-
-
-def read_time_s(topic: Topic) -> Array:
-    """Seconds since boot: when it was sampled where that is logged, else when it was published."""
-    sampled = topic.get("timestamp_sample")
-    chosen = topic["timestamp"] if sampled is None or not sampled.all() else sampled
-    return chosen.astype(np.float64) / 1e6
-
-
-def find_utc_of_boot(topics: Topics) -> datetime | None:
+def find_utc_of_boot(topics: tracks.Tables) -> datetime | None:
     """The median over the GPS messages that know the time, less the seconds since boot."""
-    for name in GPS:
-        topic = topics.get(name, {})
-        if "time_utc_usec" in topic:
-            utc = topic["time_utc_usec"].astype(np.float64)
-            boot = topic["timestamp"] + topic.get("timestamp_time_relative", 0.0)
-            known = (utc > _YEAR_2001_US) & (utc < _YEAR_2096_US) & (boot < _LONGEST_RUN_US)
+    low, high = (1e6 * second for second in UNIX_SECONDS)
+    for gps in (topics[name] for name in GPS if name in topics):
+        if (told := gps.get("time_utc_usec")) is not None:
+            utc = told.astype(np.float64)
+            boot = gps.columns["timestamp"] + gps.columns.get("timestamp_time_relative", 0.0)
+            known = (utc > low) & (utc < high) & (boot < tracks.LONGEST_RUN_S * 1e6)
             if known.any():
-                return _UNIX_EPOCH + timedelta(microseconds=float(np.median((utc - boot)[known])))
+                return UNIX + timedelta(microseconds=float(np.median((utc - boot)[known])))
     return None
 
 

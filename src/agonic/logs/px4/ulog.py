@@ -20,18 +20,9 @@ from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import explain_damage
 from agonic.logs.log import Facts, Log, Readings, Stream
-from agonic.logs.px4.topics import (
-    BESIDE,
-    Topic,
-    Topics,
-    find_utc_of_boot,
-    list_headings,
-    list_tracks,
-    read_time_s,
-    stack_vector,
-)
-from agonic.logs.rows.resample import find_misplaced
-from agonic.logs.rows.tracks import Track, build_samples
+from agonic.logs.px4.topics import BESIDE, find_utc_of_boot, list_headings, list_tracks
+from agonic.logs.rows.auxiliary import find_misplaced
+from agonic.logs.rows.tracks import Table, Tables, Track, build_samples
 from agonic.maths.equation.affine import correct
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.provenance import Input
@@ -46,34 +37,21 @@ _LETTERS = "XYZ"
 
 
 def remove_correction(
-    field: Array,
-    parameters: Parameters,
-    *,
-    in_body: bool,
-    device_id: int | None,
-    external: bool,
+    field: Array, parameters: Parameters, *, in_body: bool, device_id: int | None, external: bool
 ) -> Readings:
     """Take out of the readings (n, 3) of one sensor, nT, what the vehicle had done to them.
     `in_body` tells a corrected topic, in body axes, from `sensor_mag`; `device_id` names the
     sensor, `None` the primary one; `external` is true for a sensor that is not on the board."""
     wanted = int(read_number(parameters, PRIMARY)) if device_id is None else device_id
+    ids = {slot: int(read_number(parameters, f"{slot}_ID")) for slot in SLOTS if wanted}
     # parameters are signed, device ids in topics are not
-    slot = next(
-        (
-            slot
-            for slot in SLOTS
-            if wanted and (int(read_number(parameters, f"{slot}_ID")) - wanted) % 2**32 == 0
-        ),
-        None,
-    )
+    slot = next((slot for slot, own in ids.items() if (own - wanted) % 2**32 == 0), None)
     logged = read_correction(parameters, slot) if slot else None
     rotation_bm = read_mounting(parameters, slot, external)
     notes: tuple[str, ...] = ()
     if in_body and (logged is None or rotation_bm is None):
-        unknown = "already corrected by the autopilot, in a way that the log does not state"
-        return Readings(
-            field=field, rotation_bm=Rotation.identity(), notes=(unknown,), corrected=True
-        )
+        notes = ("already corrected by the autopilot, in a way that the log does not state",)
+        return Readings(field=field, rotation_bm=Rotation.identity(), notes=notes, corrected=True)
     if in_body and rotation_bm is not None:
         field = rotation_bm.apply(field, inverse=True)
         if read_number(parameters, "CAL_MAG_COMP_TYP"):
@@ -123,23 +101,20 @@ def read_number(parameters: Parameters, name: str, missing: float = 0.0) -> floa
 
 
 RAW, CORRECTED, COMBINED = "sensor_mag", "vehicle_magnetometer", "sensor_combined"
-_GAUSS = tuple(f"magnetometer_ga[{i}]" for i in range(3))
-AXES = {RAW: ("x", "y", "z"), CORRECTED: _GAUSS, COMBINED: _GAUSS}
+_GAUSS = [f"magnetometer_ga[{k}]" for k, _ in enumerate("xyz")]
+AXES = {RAW: ["x", "y", "z"], CORRECTED: _GAUSS, COMBINED: _GAUSS}
 """The topics with a field, best first, and the columns that hold it, gauss."""
-
-_FAR_FEWER = 5
-"""Times fewer rows than another topic of the same sensors: not what was meant to be recorded."""
-
-_HEADER_SIZE = 3  # of a ULog message: length and type
-_SHORTEST_STEP_S = 5e-4  # repeated readings keep their time but for some microseconds
-_NO_NEW_READING = 0x7FFFFFFF  # as magnetometer_timestamp_relative
 
 
 def read(path: Path, source: Input) -> Log:
     """The magnetometers of a PX4 log with all that was recorded beside them. Topics that have no
     bearing on a magnetometer are neither decoded nor listed."""
     ulog = _parse(path)
-    topics = {f"{d.name}[{d.multi_id}]": d.data for d in ulog.data_list if "timestamp" in d.data}
+    topics = {
+        f"{d.name}[{d.multi_id}]": Table(np.arange(len(d.data["timestamp"])), d.data)
+        for d in ulog.data_list
+        if "timestamp" in d.data
+    }
     names = _find_magnetometers(topics)
     sensors, left_out = [], []
     for name in names:
@@ -154,8 +129,8 @@ def read(path: Path, source: Input) -> Log:
             "log sensor_mag and record again",
             path=path,
         )
-    others = {name: read_time_s(topics[name]) for name in sorted(topics) if name not in names}
-    streams = [Stream.at(name, len(time), time) for name, time in others.items()]
+    others = {name: topics[name] for name in sorted(topics) if name not in names}
+    streams = [Stream.at(name, len(topic), topic.time_s) for name, topic in others.items()]
     facts = Facts(path=path, source=source, format="PX4 ULog")
     return Log.of(facts, sensors, streams, (*_notes(ulog), *left_out), "px4")
 
@@ -185,7 +160,7 @@ class _Forward(io.BufferedReader):
 
     def read(self, size: int | None = -1, /) -> bytes:
         data = super().read(size)
-        self._since_header = len(data) + (0 if size == _HEADER_SIZE else self._since_header)
+        self._since_header = len(data) + (0 if size == 3 else self._since_header)  # length and type
         return data
 
     def seek(self, target: int, whence: int = io.SEEK_SET, /) -> int:
@@ -196,37 +171,41 @@ class _Forward(io.BufferedReader):
         return super().seek(target, whence)
 
 
-def _find_magnetometers(topics: Topics) -> list[str]:
-    """The raw topics, or what there is instead; before them a corrected one of far more rows."""
+def _find_magnetometers(topics: Tables) -> list[str]:
+    """The raw topics, or what there is instead; before them a corrected one of more than five times
+    the rows: it is what was meant to be recorded."""
     kinds = []
     for kind, columns in AXES.items():
-        names = [n for n in topics if n.startswith(f"{kind}[") and {*columns} <= {*topics[n]}]
+        names = [
+            n for n in topics if n.startswith(f"{kind}[") and {*columns} <= {*topics[n].columns}
+        ]
         if names:
             kinds.append(sorted(names))
     if not kinds:
         return []
-    rows = [max(len(topics[name]["timestamp"]) for name in names) for names in kinds]
+    rows = [max(len(topics[name]) for name in names) for names in kinds]
     longest = rows.index(max(rows))
-    return [*(kinds[longest] if rows[0] * _FAR_FEWER < rows[longest] else []), *kinds[0]]
+    return [*(kinds[longest] if 5 * rows[0] < rows[longest] else []), *kinds[0]]
 
 
 @np.errstate(all="ignore")  # damaged numbers overflow; Samples leaves out what is not finite
-def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Input) -> Samples:
+def _read_samples(name: str, topics: Tables, parameters: Parameters, source: Input) -> Samples:
     """One magnetometer, with everything else at its rows."""
     topic, time, wrong = _select_readings(topics[name])
-    gauss = stack_vector(topic, *AXES[name.split("[")[0]])
+    gauss = topic.stack(*AXES[name.split("[")[0]])
     if gauss is None or not len(time):
         raise LogError("it has no new readings")
-    device_id = int(topic["device_id"][0]) if "device_id" in topic else None
+    device, external = topic.get("device_id"), topic.get("is_external")
+    device_id = None if device is None else int(device[0])
     found = remove_correction(
-        gauss * NANOTESLA_PER["G"],
+        gauss.astype(np.float64) * NANOTESLA_PER["G"],
         parameters,
         in_body=not name.startswith(RAW),
         device_id=device_id,
-        external="is_external" in topic and bool(topic["is_external"][0]),
+        external=external is not None and bool(external[0]),
     )
     tracks = [*list_tracks(topics, time, found.rotation_bm)]
-    temperature = topic.get("temperature", np.zeros(0))
+    temperature = topic.columns.get("temperature", np.zeros(0))
     if np.nan_to_num(temperature).any():  # zero throughout means that it has none
         tracks.append(Track("temperature", time, temperature, time))
     return build_samples(
@@ -241,20 +220,23 @@ def _read_samples(name: str, topics: Topics, parameters: Parameters, source: Inp
     )
 
 
-def _select_readings(topic: Topic) -> tuple[Topic, Array, int]:
+def _select_readings(topic: Table) -> tuple[Table, Array, int]:
     """The new readings of one device, their times in seconds, and how many times made no sense. An
     instance may change hands between devices: the one with most readings is taken."""
-    time, rows = read_time_s(topic), np.arange(len(topic["timestamp"]))
-    if "device_id" in topic:
-        devices, counts = np.unique(topic["device_id"], return_counts=True)
-        rows = np.flatnonzero(topic["device_id"] == devices[counts.argmax()])
+    time, rows = topic.time_s, np.arange(len(topic))
+    assert time is not None
+    if (device := topic.get("device_id")) is not None:
+        devices, counts = np.unique(device, return_counts=True)
+        rows = np.flatnonzero(device == devices[counts.argmax()])
     if (behind := topic.get("magnetometer_timestamp_relative")) is not None:
         time = time + behind / 1e6
-        rows = np.flatnonzero(behind != _NO_NEW_READING)
-        rows = rows[np.diff(time[rows], prepend=-np.inf) > _SHORTEST_STEP_S]
+        rows = np.flatnonzero(
+            behind != 0x7FFFFFFF
+        )  # no new reading; those repeated keep their time
+        rows = rows[np.diff(time[rows], prepend=-np.inf) > 5e-4]  # but for some microseconds
     wrong = find_misplaced(time[rows])
     rows = rows[~wrong]
-    return {name: values[rows] for name, values in topic.items()}, time[rows], int(wrong.sum())
+    return topic.select(rows), time[rows], int(wrong.sum())
 
 
 def _notes(ulog: Any) -> tuple[str, ...]:

@@ -2,22 +2,18 @@
 
 Each topic with a magnetometer is a sensor. What IMUs, receivers, thermometers and batteries say is
 brought to its times, vectors into its axes where `/tf_static` tells how. Readings stay in the axes
-of the sensor, which are forward, left, up where it lies as REP-103 has it.
-
-What ROS messages say, as columns under the names of their fields.
-
-Units and axes are those of `sensor_msgs`: tesla, m/s², rad/s; forward, left, up; an orientation
-that turns sensor axes into east, north, up (REP-103, REP-145). `conventions` knows the names.
-Rotations between the frames of a robot are those of `/tf_static`.
+of the sensor, which are forward, left, up where it lies as REP-103 has it; an orientation turns
+sensor axes into east, north, up. Columns have the names of the fields of messages.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +23,12 @@ from scipy.spatial.transform import Rotation
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.contents import explain_damage
+from agonic.logs.formats import METADATA
 from agonic.logs.groups import build_groups_log
+from agonic.logs.headers.columns import read_dialects
 from agonic.logs.headers.header import name_quantity
 from agonic.logs.log import Facts, Log, Stream
+from agonic.logs.rows.tracks import SHORTEST_PULSE_US
 from agonic.provenance import Input
 from agonic.samples import Samples
 
@@ -74,68 +73,47 @@ def rotate_table(table: Mapping[str, Array], turn: Rotation) -> dict[str, Array]
 
 Row = Mapping[str, float]
 
-_SHORTEST_PULSE_US = 800
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
-def _vector(stem: str, vector: Any) -> dict[str, float]:
-    return {f"{stem}_{axis}": getattr(vector, axis) for axis in "xyz"}
-
-
-def _read_imu(message: Any) -> Row:
-    """Acceleration, rate and orientation; −1 first in a covariance means that there is none."""
-    q = message.orientation
-    parts: dict[str, float] = {}
-    for stem in ("linear_acceleration", "angular_velocity"):
-        if getattr(message, f"{stem}_covariance")[0] != -1:
-            parts |= _vector(stem, getattr(message, stem))
-    if message.orientation_covariance[0] != -1 and q.w**2 + q.x**2 + q.y**2 + q.z**2 > 0.25:
-        parts |= {f"orientation_{axis}": getattr(q, axis) for axis in "wxyz"}
-    return parts
-
-
-def _read_fix(message: Any) -> Row:
-    """The place where there is a fix."""
-    if message.status.status < 0:
+def read_message(message: Any, columns: str) -> Row:
+    """What a message says, by a row of the table of dialects; nothing where a fix has none. A
+    quaternion of no length is none, nor is a pulse that drives nothing."""
+    if hasattr(message, "status") and message.status.status < 0:
         return {}
-    places = {"latitude_deg": "latitude", "longitude_deg": "longitude", "altitude_m": "altitude"}
-    return {ours: getattr(message, theirs) for ours, theirs in places.items()}
+    said: dict[str, float] = {}
+    for column in columns.split():
+        name, _, path = column.partition("=")
+        stem, several, inner = path.lstrip("?-").partition("[]")
+        if path[0] == "?" and getattr(message, f"{stem.partition('.')[0]}_covariance")[0] == -1:
+            continue
+        if several:
+            items = enumerate(_get(message, stem), start=1)
+            said |= {name.format(k): float(_get(one, inner.lstrip("."))) for k, one in items}
+        else:
+            axes = "xyz" if "*" in name else "*"
+            sign = -1.0 if path[0] == "-" else 1
+            said |= {name.replace("*", a): sign * _get(message, stem.replace("*", a)) for a in axes}
+    if sum(value**2 for name, value in said.items() if name.startswith("orientation_")) <= 0.25:
+        said = {name: value for name, value in said.items() if not name.startswith("orientation_")}
+    pulses = (n for n, value in said.items() if n.endswith("_us") and value <= SHORTEST_PULSE_US)
+    drop = {*pulses, *(name for name in ("current_A",) if math.isnan(said.get(name, 0.0)))}
+    return {name: value for name, value in said.items() if name not in drop}
 
 
-def _number(values: Iterable[Any], name: str) -> dict[str, float]:
-    """A column for each value, numbered from 1."""
-    return {name.format(k): float(value) for k, value in enumerate(values, start=1)}
+def _get(message: Any, path: str) -> Any:
+    """A field of a message by its dotted name, "" being the message."""
+    return reduce(getattr, filter(None, path.split(".")), message)
 
 
-def _read_outputs(message: Any) -> Row:
-    """Pulses to motors and servos, µs, as MAVROS passes them on."""
-    pulses = _number(message.channels, "output{}_pwm_us")
-    return {name: pulse for name, pulse in pulses.items() if pulse > _SHORTEST_PULSE_US}
-
-
-READERS: dict[str, Callable[[Any], Row]] = {
-    "sensor_msgs/msg/MagneticField": lambda m: _vector("magnetic_field", m.magnetic_field),
-    "sensor_msgs/msg/Imu": _read_imu,
-    "sensor_msgs/msg/NavSatFix": _read_fix,
-    "sensor_msgs/msg/Temperature": lambda m: {"temperature_C": m.temperature},
-    "sensor_msgs/msg/BatteryState": lambda m: (  # which counts what is drawn negative
-        {} if math.isnan(m.current) else {"current_A": -m.current}
-    ),
-    "mavros_msgs/msg/RCOut": _read_outputs,
-    "mavros_msgs/msg/ESCStatus": lambda m: _number((e.current for e in m.esc_status), "esc{}_A"),
-    "actuator_msgs/msg/Actuators": lambda m: _number(m.normalized, "motor{}_duty"),
-}
-"""The types of messages that are read, and what each says."""
-
+_TYPES: dict[str, str] = read_dialects()["ros"]["types"]
 VECTOR, TIME = "geometry_msgs/msg/Vector3Stamped", "sensor_msgs/msg/TimeReference"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 
-def find_reader(topic: str, kind: str) -> Callable[[Any], Row] | None:
-    """What reads the messages of a topic; a plain vector where a magnetometer is named."""
-    if kind == VECTOR and name_quantity(f"{topic}/x") == "field":
-        return lambda message: _vector("mag", message.vector)
-    return READERS.get(kind)
+def find_columns(topic: str, kind: str) -> str | None:
+    """What the messages of a topic say; a plain vector where a magnetometer is named."""
+    return None if kind == VECTOR and name_quantity(f"{topic}/x") != "field" else _TYPES.get(kind)
 
 
 def make_table(rows: Iterable[Row]) -> dict[str, Array]:
@@ -150,11 +128,8 @@ def make_table(rows: Iterable[Row]) -> dict[str, Array]:
     return table
 
 
-_METADATA = "metadata.yaml"
 _FIELDS = ("magnetic_field_x", "mag_x")
 """A column of each kind of magnetometer."""
-_CLOCKS_DIFFER_S = 1.0
-_MOST_MESSAGES = 20_000_000
 
 
 @dataclass
@@ -205,10 +180,10 @@ def _open_bag(path: Path) -> Iterator[Any]:
     except ImportError:
         raise MissingExtraError("reading a ROS bag", "ros") from None
     whole = path
-    if path.is_file() and path.suffix != ".bag" and (path.parent / _METADATA).is_file():
+    if path.is_file() and path.suffix != ".bag" and (path.parent / METADATA).is_file():
         whole = path.parent
     elif path.suffix == ".db3":
-        raise LogError(f"a ROS 2 bag is a folder: keep {_METADATA} beside this file")
+        raise LogError(f"a ROS 2 bag is a folder: keep {METADATA} beside this file")
     with explain_damage("cannot be read as a ROS bag"):
         reader = AnyReader([whole], default_typestore=get_typestore(Stores.LATEST))
         reader.open()
@@ -220,29 +195,29 @@ def _open_bag(path: Path) -> Iterator[Any]:
 
 def _read_messages(bag: Any, contents: _Contents) -> None:
     """Take what matters from the messages; one that is damaged is counted."""
-    if bag.message_count > _MOST_MESSAGES:
-        raise LogError(f"more than {_MOST_MESSAGES:g} messages; cut it (ros2 bag convert)")
-    readers = {}
+    if bag.message_count > 2e7:
+        raise LogError("more than 2e+07 messages; cut it (ros2 bag convert)")
+    wanted: dict[tuple[int, str], str | None] = {}
     seconds = max((bag.end_time - bag.start_time) * 1e-9, 0.0)
     for connection in bag.connections:
-        reader = find_reader(connection.topic, connection.msgtype)
-        if reader is not None or connection.msgtype in (*TRANSFORMS, TIME):
-            readers[connection.id, connection.topic] = reader
+        columns = find_columns(connection.topic, connection.msgtype)
+        if columns is not None or connection.msgtype in (*TRANSFORMS, TIME):
+            wanted[connection.id, connection.topic] = columns
         rows = connection.msgcount
         rate = rows / seconds if seconds else None
         contents.streams.append(Stream(name=connection.topic, rows=rows, rate_Hz=rate))
-    wanted = [c for c in bag.connections if (c.id, c.topic) in readers]
-    for connection, received_ns, raw in bag.messages(connections=wanted) if wanted else ():
-        reader = readers[connection.id, connection.topic]
+    chosen = [c for c in bag.connections if (c.id, c.topic) in wanted]
+    for connection, received_ns, raw in bag.messages(connections=chosen) if chosen else ():
+        columns = wanted[connection.id, connection.topic]
         try:
             message = bag.deserialize(raw, connection.msgtype)
-            _take(message, connection, received_ns, reader, contents)
+            _take(message, connection, received_ns, columns or "", contents)
         except Exception:
             contents.damaged += 1
 
 
 def _take(
-    message: Any, connection: Any, received_ns: int, reader: Any, contents: _Contents
+    message: Any, connection: Any, received_ns: int, columns: str, contents: _Contents
 ) -> None:
     """Keep what one message says."""
     if connection.msgtype in TRANSFORMS:
@@ -257,8 +232,7 @@ def _take(
         if message.time_ref.sec > 0 and stamp.sec > 0:
             contents.ahead_s.append(ahead)
         return
-    said = reader(message)
-    if not said:
+    if not (said := read_message(message, columns)):
         return
     moment = stamp.sec, stamp.nanosec
     if moment == (0, 0):  # nobody filled it in: when it was recorded
@@ -305,7 +279,7 @@ def _set_clock(samples: Samples, ahead_s: list[float]) -> Samples:
     if not ahead_s or samples.epoch is None:
         return samples
     shift = float(np.median(ahead_s))
-    if abs(shift) < _CLOCKS_DIFFER_S:
+    if abs(shift) < 1.0:
         return samples
     note = f"stamps are {shift:+.3f} s behind the time reference: the date follows the reference"
     epoch = samples.epoch + timedelta(seconds=shift)

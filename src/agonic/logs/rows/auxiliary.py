@@ -1,4 +1,4 @@
-"""Columns beside the magnetometer's: into our unit, within their range, without holes.
+"""Columns beside the magnetometer's: at its rows, in our unit, within their range, without holes.
 
 A column that was recorded more slowly, or not all the time, must not cost readings of the
 magnetometer. Short holes are filled from the neighbours; a column with more than a few other
@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from agonic.arrays import Array, Mask
 from agonic.errors import LogError, UnitError
@@ -22,25 +22,73 @@ from agonic.logs.headers.columns import Identified, map_columns
 from agonic.logs.headers.header import Column
 from agonic.logs.headers.quantities import FALLBACK, Linear
 from agonic.logs.log import Table
-from agonic.logs.rows.resample import interpolate_smoothly, resample
-from agonic.maths.one_pass import median
+from agonic.maths.one_pass import interpolate, median
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2, find_unit, nanotesla_per
+
+ESTIMATED_ATTITUDE = (
+    "roll, pitch and heading are the autopilot's own estimate, which itself follows its compasses"
+)
+
+LONGEST_LOG_S = 1e10
+"""Three centuries: a time farther than this from the others is damaged."""
+
+
+def resample(
+    time_from: ArrayLike, values: ArrayLike, time_to: ArrayLike, *, period: float | None = None
+) -> Array | None:
+    """Values (n,) or (n, 3) at other times (m,), by linear interpolation between finite rows;
+    before and after, the end values hold. Angles, marked by their `period`, go the short way round
+    and keep their range: 0…period where none is negative, else ±period/2. `None` without rows."""
+    t, v, wanted = (np.asarray(a, dtype=np.float64) for a in (time_from, values, time_to))
+    usable = np.isfinite(t) & np.isfinite(v).reshape(len(v), -1).all(axis=1)
+    if not usable.any():
+        return None
+    order = np.flatnonzero(usable)[np.argsort(t[usable], kind="stable")]
+    t, v = t[order], v[order]
+    if period is not None:
+        lowest = 0.0 if (v >= 0).all() else -period / 2
+        turned = np.interp(wanted, t, np.unwrap(v, period=period))
+        return np.asarray(lowest + (turned - lowest) % period)
+    return interpolate(wanted, t, v)
+
+
+def interpolate_smoothly(wanted: Array, time: Array, values: Array) -> Array:
+    """Values (n,) at wanted times (m,) within their own (n,), by cubics that meet with one slope.
+    Between readings of a field that bends, lines are off by F'' Δt²/8 to one side, which a fit
+    takes for an offset; here an error is of the third order, and noise spreads two readings far.
+    Source: Catmull & Rom, "A class of local interpolating splines", 1974."""
+    from scipy.interpolate import CubicHermiteSpline  # slow to load
+
+    if len(time) < 3:
+        return interpolate(wanted, time, values)
+    return np.asarray(CubicHermiteSpline(time, values, np.gradient(values, time))(wanted))
+
+
+def find_misplaced(time: ArrayLike) -> Mask:
+    """Rows whose time lies outside that of both neighbours although those are in order. Of the
+    first row: later than the two after it, which are in order. Farther than `LONGEST_LOG_S` from
+    the median is misplaced anywhere. One damaged time would otherwise cost every row after it,
+    since times must increase."""
+    t = np.asarray(time, dtype=np.float64)
+    known = t[np.isfinite(t)]
+    if not len(known):
+        return np.zeros(len(t), dtype=bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        wrong = np.abs(t - np.median(known)) > LONGEST_LOG_S
+    before, here, after = t[:-2], t[1:-1], t[2:]
+    wrong[1:-1] |= (before <= after) & ((here < before) | (here > after))
+    wrong[:1] |= t[:1] > t[2:3] if len(t) > 2 and t[1] < t[2] else False
+    return wrong
+
 
 ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 PERIODS_DEG = dict.fromkeys((*ATTITUDE, "longitude_deg"), 360.0)
-_SLOW = ("temperature", "latitude_deg", "longitude_deg", "altitude_m")
-_REACH_S = dict.fromkeys(_SLOW, 60.0)
+_REACH_S = dict.fromkeys(("temperature", "latitude_deg", "longitude_deg", "altitude_m"), 60.0)
 SHORT_REACH_S = 0.5
 _FEW = 0.01
 """Share of the readings that a column may still cost after its short holes are filled."""
 MOST_OF_THE_ROWS = 0.5
 """With the scalar instrument on in so many of the rows, the others are given up for it."""
-_JOINED = 1.5
-"""Of its usual interval: readings of a scalar instrument farther apart have a gap between them."""
-_NEW_SHARE = 0.6
-"""Of the rows: where fewer hold a new scalar reading, and at even steps, the others repeat it."""
-_EVEN = 0.9
-"""Share of the steps between new readings that are even, to half of the usual one."""
 
 
 def find_finite_rows(values: Array) -> Mask:
@@ -52,25 +100,20 @@ def find_finite_rows(values: Array) -> Mask:
 
 def find_reach(column: str, known: Array) -> float:
     """How far, s, neighbours recorded at `known` times may be from a row that is filled from them.
-    A scalar instrument measures at a pace of its own; what joins its readings is that pace."""
+    A scalar instrument has a pace of its own, which joins its readings, and half as much again."""
     if column == "scalar" and len(known) > 1:
-        return max(_JOINED * median(np.diff(known)), SHORT_REACH_S)
+        return max(1.5 * median(np.diff(known)), SHORT_REACH_S)
     return _REACH_S.get(column, SHORT_REACH_S)
-
-
-_RAW = ("raw", "counts")
-_GRAVITY_UNITS = {"m/s²": 1.0, "g": STANDARD_GRAVITY_M_S2, "mg": STANDARD_GRAVITY_M_S2 * 1e-3}
 
 
 def to_numbers(values: NDArray[Any]) -> Array:
     """A column as float64; a text that is no number becomes NaN, d:m:s becomes degrees."""
     if values.dtype.kind not in "OUS":
         return np.asarray(values, dtype=np.float64)
-    numbers = []
-    for plain in (str(value).strip().strip("\"'") for value in values):
-        size = sum(abs(to_number(part)) / 60.0**i for i, part in enumerate(plain.split(":")))
-        numbers.append(-size if plain.startswith("-") else size)
-    return np.array(numbers, dtype=np.float64)
+    plain = [str(value).strip().strip("\"'") for value in values]
+    sizes = [sum(abs(to_number(p)) / 60.0**i for i, p in enumerate(t.split(":"))) for t in plain]
+    signs = [-1.0 if text.startswith("-") else 1.0 for text in plain]
+    return np.array(signs) * np.array(sizes, dtype=np.float64)
 
 
 def number_labels(values: NDArray[Any]) -> Array:
@@ -128,15 +171,16 @@ def convert_column(
 
 def forget_repeated(values: Array, time: Array) -> tuple[Array, str]:
     """Readings (n, 1) of an instrument that is slower than the log, NaN where a row repeats the one
-    before until the next has come, and a note; as they are where they are no such steps."""
+    before until the next has come, and a note; as they are where more than 6 of 10 rows are new, or
+    less than 9 of 10 steps between new ones are even, to half of the usual one."""
     known = np.isfinite(values[:, 0])
     rows = np.flatnonzero(known)
     new = rows[np.r_[True, np.diff(values[rows, 0]) != 0]] if len(rows) else rows
     steps = np.diff(time[new])
-    if len(new) > _NEW_SHARE * len(rows) or len(steps) < 2:
+    if len(new) > 0.6 * len(rows) or len(steps) < 2:
         return values, ""
     usual = median(steps)
-    if np.mean(np.abs(steps - usual) < usual / 2) < _EVEN:
+    if np.mean(np.abs(steps - usual) < usual / 2) < 0.9:
         return values, ""
     fresh = np.full_like(values, np.nan)
     fresh[new] = values[new]
@@ -154,13 +198,14 @@ def _find_scale(axes: Mapping[str, Column], values: Array) -> tuple[Linear | Non
     if len(units) > 1:
         return None, "its axes are in different units"
     unit = units.pop()
-    if unit is not None and unit not in _RAW:
+    if unit is not None and unit not in ("raw", "counts"):
         return quantity.units[unit], ""
     if quantity.column == "acceleration":
         usual = _find_usual_size(values)
-        for unit, factor in _GRAVITY_UNITS.items():
+        for said, unit in (("m/s²", "ms2"), ("g", "g"), ("mg", "mg")):
+            factor, _ = quantity.units[unit]
             if abs(usual * factor / STANDARD_GRAVITY_M_S2 - 1.0) < 0.2:
-                return (factor, 0.0), f"names no unit; its size is that of gravity in {unit}"
+                return (factor, 0.0), f"names no unit; its size is that of gravity in {said}"
         return None, f"its header names no unit and its size, {usual:.4g}, is not that of gravity"
     if quantity.column == "rotation_rate" or quantity.column in ATTITUDE:
         return None, "its header names neither degrees nor radians"
@@ -185,8 +230,10 @@ def fill_holes(
     if not holes.any():
         return values, ""
     near = np.zeros_like(holes)
-    if time is not None and column in _SLOW:
-        time = _complete(time)
+    if time is not None and column in _REACH_S:
+        there = np.isfinite(time)  # times of other clocks by the place of their rows
+        rows = np.arange(len(time))
+        time = np.interp(rows, rows[there], time[there]) if there.any() else time
     if time is not None:
         known = known & np.isfinite(time)
     if time is not None and known.any():
@@ -208,15 +255,6 @@ def fill_holes(
     return values, f"filled from neighbours in {near.sum()} rows" if near.any() else ""
 
 
-def _complete(time: Array) -> Array:
-    """Times with those of other clocks by the place of their rows, near enough for slow columns."""
-    known = np.isfinite(time)
-    if known.all() or not known.any():
-        return time
-    rows = np.arange(len(time))
-    return np.interp(rows, rows[known], time[known])
-
-
 def measure_reach(known: Array, wanted: Array) -> Array:
     """Seconds to the farther of the two known times around each wanted one; at an end, to one."""
     order = np.sort(known)
@@ -226,8 +264,6 @@ def measure_reach(known: Array, wanted: Array) -> Array:
 
 
 _UNIT = re.compile(r"[(\[{<][^()\[\]{}<>]*[^\W\d][^()\[\]{}<>]*[)\]}>]\s*$")
-_STRONGEST = 1e8
-"""nT. No magnetometer of a vehicle reads more: a documented unit was not kept to."""
 
 
 def state_unit(found: Identified, table: Table) -> Identified:
@@ -278,7 +314,7 @@ def _choose_documented_unit(
     if given is not None:
         return given, (f"{name} documents {unit}: the given unit {given} is used instead",)
     size = float(np.nanmedian(np.abs(field))) if np.isfinite(field).any() else 0.0
-    if size * nanotesla_per(unit) > _STRONGEST:
+    if size * nanotesla_per(unit) > 1e8:  # nT, more than any magnetometer of a vehicle reads
         return RAW, (
             f"{name} documents {unit}, and readings of {size:.3g} {unit} cannot be: the field is "
             "left in raw units; give --unit",

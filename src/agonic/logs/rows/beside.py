@@ -14,12 +14,7 @@ from agonic.logs.clocks.clock import Clock
 from agonic.logs.headers.columns import Identified
 from agonic.logs.headers.header import Column
 from agonic.logs.log import Table
-from agonic.logs.rows.auxiliary import (
-    convert_column,
-    fill_holes,
-    number_labels,
-    to_numbers,
-)
+from agonic.logs.rows import auxiliary
 from agonic.logs.rows.times import pick
 from agonic.provenance import Input
 from agonic.samples import COLUMNS
@@ -30,25 +25,15 @@ if TYPE_CHECKING:
 ENU = "enu"
 """The unit of a quaternion that is documented to turn sensor axes into east, north, up."""
 
-_LEAST_SHARE = 0.9
-"""Median share of gravity along the vertical of the right axes."""
-_CLEARLY = 0.7
-_LEVEL = 0.05
-"""Below this tilt the quaternion and its inverse say the same of up, to a few degrees."""
-
 
 def compute_attitude_deg(
     quat_wxyz: Array, acceleration: Array | None, axes: str | None
 ) -> tuple[dict[str, Array], str]:
-    """Roll and pitch (n,), and heading where `axes` is `ENU` and gravity agrees; and a note.
-
-    Parameters: quat_wxyz (n, 4), acceleration (n, 3) in any unit or `None`. No angles are returned
-    where the axes are not known. Roll, pitch and heading are those that turn components in the
-    sensor's own axes x, y, z, as if they were forward, right, down, into north, east, down: a
-    sensor lying face up has a roll of 180°. Whether the quaternion turns sensor axes into those of
-    the world or the reverse, and where the world's z points, is seen from the accelerometer, which
-    must show gravity along that z.
-    """
+    """Roll and pitch (n,), and heading where `axes` is `ENU` and gravity agrees, by a quaternion
+    (n, 4); and a note. They turn components in the sensor's own x, y, z, as if those were forward,
+    right, down, into north, east, down: a sensor lying face up has a roll of 180°. Whether it turns
+    sensor axes into those of the world or the reverse, and where the world's z points, is seen from
+    the acceleration (n, 3), in any unit, which must show gravity along that z."""
     from scipy.spatial.transform import Rotation
 
     known = np.isfinite(quat_wxyz).all(axis=1) & (np.linalg.norm(quat_wxyz, axis=1) > 0.5)
@@ -80,7 +65,9 @@ def compute_attitude_deg(
 
 
 def _find_axes(rotation: Rotation, acceleration: Array) -> tuple[bool, bool] | None:
-    """Whether the rotation is from world to sensor, and whether z of the world points down."""
+    """Whether the rotation is from world to sensor, and whether z of the world points down. Of the
+    two directions one must be clearly nearer to gravity, but where both are level to a few degrees;
+    its vertical holds nine tenths of gravity."""
     size = np.linalg.norm(acceleration, axis=1)
     usable = np.isfinite(size) & (size > 0)
     if not usable.any():
@@ -89,17 +76,15 @@ def _find_axes(rotation: Rotation, acceleration: Array) -> tuple[bool, bool] | N
     turned = [turn.apply(up) for turn in (rotation[usable], rotation[usable].inv())]
     tilts = [float(np.median(np.hypot(*seen[:, :2].T))) for seen in turned]
     upward = [float(np.median(seen[:, 2])) for seen in turned]
-    inverse = tilts[1] < _CLEARLY * tilts[0]
-    if not inverse and not tilts[0] < _CLEARLY * tilts[1] and tilts[0] > _LEVEL:
-        return None
-    if abs(upward[inverse]) < _LEAST_SHARE:
+    inverse = tilts[1] < 0.7 * tilts[0]
+    unclear = not inverse and not tilts[0] < 0.7 * tilts[1] and tilts[0] > 0.05
+    if unclear or abs(upward[inverse]) < 0.9:
         return None
     return inverse, upward[inverse] < 0
 
 
 AUXILIARY = tuple(name for name in COLUMNS if name not in ("time", "field"))
 _HEADING = ("heading_deg", "heading_sd_deg")
-_FEWEST_HEADINGS = 10
 STATED_SD_DEG = 1.0
 """Of a heading that is known in some rows and states no error: all its rows count alike."""
 YAW = "a heading called yaw was taken for the estimate of a filter, which follows its magnetometer"
@@ -114,9 +99,9 @@ class Part:
     found: Identified
     rows: Index | None
     clocks: Mapping[str, Clock]
-    unit: str | None
     source: Input
-    remarks: tuple[str, ...]
+    unit: str | None = None
+    remarks: tuple[str, ...] = ()
 
     def take(self, column: NDArray[Any]) -> NDArray[Any]:
         """What a column holds in these rows, not copied where that is all of it."""
@@ -129,7 +114,7 @@ class Part:
 
     def values(self, axes: Mapping[str, Column]) -> Array:
         """The numbers in the columns of a quantity, (n, k), axes in alphabetical order."""
-        columns = (to_numbers(self.table[axes[axis].header]) for axis in sorted(axes))
+        columns = (auxiliary.to_numbers(self.table[axes[axis].header]) for axis in sorted(axes))
         stacked = np.stack([self.take(c) for c in columns], 1)
         stacked.flags.writeable = False  # `Samples` need not copy it
         return stacked
@@ -141,16 +126,12 @@ def find_foreign_rows(part: Part, field: Array, readings: Mask) -> Index:
     if readings.all():
         return np.empty(0, np.int64)
     empty = np.asarray(np.isnan(field).all(axis=1))
-    if not empty.any() or empty.all():
-        return np.empty(0, np.int64)
-    for name, groups in part.found.items():
-        for column in (axes[min(axes)] for axes in groups.values() if name != "field"):
-            values = part.table[column.header]
-            if values.dtype.kind == "f":
-                known = np.isfinite(part.take(values))
-                if known[empty].mean() > 0.5 > known[~empty].mean():
-                    return np.flatnonzero(empty)
-    return np.empty(0, np.int64)
+    groups = (axes for n, g in part.found.items() if n != "field" for axes in g.values())
+    columns = (part.table[axes[min(axes)].header] for axes in groups)
+    known = (np.isfinite(part.take(c)) for c in columns if c.dtype.kind == "f")
+    mixed = empty.any() and not empty.all()
+    mixed = mixed and any(k[empty].mean() > 0.5 > k[~empty].mean() for k in known)
+    return np.flatnonzero(empty) if mixed else np.empty(0, np.int64)
 
 
 def read_columns(
@@ -166,16 +147,16 @@ def read_columns(
         if not group:
             continue
         if column == "target":
-            columns[column] = part.take(number_labels(part.table[group[""].header]))
+            columns[column] = part.take(auxiliary.number_labels(part.table[group[""].header]))
             continue
         heads = column in _HEADING  # one that is known in few rows is of use for those
-        values, remarks = convert_column(
+        values, remarks = auxiliary.convert_column(
             group, part.values(group), time, readings, keep_holes=heads
         )
         notes.extend(remarks)
         if heads and values is not None and readings.any():
             known = np.isfinite(values[readings])
-            if not known.all() and known.sum() < _FEWEST_HEADINGS:
+            if not known.all() and known.sum() < 10:
                 name = next(iter(group.values())).quantity.name
                 notes.append(f"{name} left out: hardly any row has one")
                 values = None
@@ -222,7 +203,7 @@ def read_disturbers(
     found: dict[str, Array] = {}
     notes: list[str] = []
     for name, group in part.found.get("disturber", {}).items():
-        values, remarks = convert_column(group, part.values(group), time, readings)
+        values, remarks = auxiliary.convert_column(group, part.values(group), time, readings)
         if values is not None:
             found[name] = values
         notes += [f"{name}: {remark.removeprefix('disturber ')}" for remark in remarks]
@@ -242,7 +223,7 @@ def _read_quaternion(
     angles, note = compute_attitude_deg(part.values(group), acceleration, group["w"].unit)
     filled = {}
     for name, values in angles.items():
-        whole, gaps = fill_holes(name, values[:, None], time, readings)
+        whole, gaps = auxiliary.fill_holes(name, values[:, None], time, readings)
         if whole is None:
             return {}, (f"orientation {gaps}",)
         filled[name] = whole[:, 0]

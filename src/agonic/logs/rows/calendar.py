@@ -1,14 +1,13 @@
-"""Moments whose year, month, day, hour, minute and second stand in columns of their own, or
-that GPS counts: the week since 1980-01-06, and the time of the week.
-
-UTC is behind GPS by the leap seconds since then: UTC = GPS − (TAI − UTC − 19 s). Source:
-IS-GPS-200, sections 3.3.4 and 20.3.3.5.2.4.
+"""Moments whose year, month, day, hour, minute and second stand in columns of their own, or that
+GPS counts: the week since 1980-01-06, and the time of the week. UTC is behind GPS by the leap
+seconds since then: UTC = GPS − (TAI − UTC − 19 s). Source: IS-GPS-200, sections 3.3.4 and
+20.3.3.5.2.4.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -23,14 +22,9 @@ from agonic.logs.log import Table
 from agonic.logs.rows.auxiliary import to_numbers
 from agonic.units import DAY_S
 
-_GPS_UNIX_S = 315_964_800.0
-_WEEK_S = 604_800.0
-_GPS_TAI_S = 19.0
-_ROLLOVER = 1024.0
-_PER_SECOND = (1.0, 1e3, 1e6, 1e9)
-_IN_MS = ("itow", "gms", "ms")
-"""How names end that are always in milliseconds (u-blox, ArduPilot)."""
-_WHOLE_STEP = 5.0
+GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
+_GPS_UNIX_S = GPS_EPOCH.timestamp()
+_WEEK_S = 7 * DAY_S
 
 
 def find_gps_clock(table: Table, found: Identified) -> Clock:
@@ -43,18 +37,13 @@ def find_gps_clock(table: Table, found: Identified) -> Clock:
     if week is not None:
         weeks = to_numbers(table[week.header])
         weeks = np.where(weeks > 0, weeks, np.nan)
-        if not (weeks[np.isfinite(weeks)] < _ROLLOVER).any():
-            return _since_first_week(weeks * _WEEK_S + seconds, notes)
+        if not (weeks[np.isfinite(weeks)] < 1024).any():
+            gps = weeks * _WEEK_S + seconds + _GPS_UNIX_S
+            known = gps[np.isfinite(gps)]
+            behind = gps_utc_s(known[0]) if len(known) else 0.0
+            return since_first_second(gps - behind, notes)
         said = f"date left out: {week.header} counts from a rollover, 1024 weeks on"
     return unwrap(seconds, _WEEK_S), None, (*notes, said)
-
-
-def _since_first_week(gps: Array, notes: tuple[str, ...]) -> Clock:
-    """GPS seconds since 1980 as UTC, by the leap seconds at the first of them."""
-    known = gps[np.isfinite(gps)]
-    if not len(known):
-        return None, None, ("times left out: no GPS time could be read",)
-    return since_first_second(gps + _GPS_UNIX_S - gps_utc_s(known[0] + _GPS_UNIX_S), notes)
 
 
 def date_by_gps(clock: Clock, table: Table, found: Identified) -> Clock:
@@ -86,12 +75,12 @@ def _read_week_s(table: Table, column: Column) -> tuple[Array | None, tuple[str,
         per_second = 1 / column.quantity.units[column.unit][0]
     elif not len(known):
         return None, ()
-    elif column.header.strip().lower().endswith(_IN_MS):
+    elif column.header.strip().lower().endswith(("itow", "gms", "ms")):  # of u-blox, ArduPilot
         per_second = 1e3
     else:
-        per_second = next((p for p in _PER_SECOND if known.max() <= _WEEK_S * p), 0.0)
+        per_second = next((p for p in (1.0, 1e3, 1e6, 1e9) if known.max() <= _WEEK_S * p), 0.0)
         step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
-        if not per_second or (per_second == 1.0 and step >= _WHOLE_STEP):
+        if not per_second or (per_second == 1.0 and step >= 5.0):
             unknown = f"times left out: {column.header} has no unit; name it tow_s or tow_ms"
             return None, (unknown,)
     return values / per_second, ()
@@ -101,10 +90,7 @@ def gps_utc_s(unix_s: float) -> float:
     """GPS − UTC, s, at a moment."""
     from agonic.maths.earth.earth_rotation import tai_utc_s
 
-    return float(tai_utc_s([unix_s])[0]) - _GPS_TAI_S
-
-
-_CENTURY = 2000.0
+    return float(tai_utc_s([unix_s])[0]) - 19.0
 
 
 def read_parts(table: Table, found: Identified) -> Clock:
@@ -134,7 +120,7 @@ def _count_days(parts: Mapping[str, Any]) -> Array | None:
     calendar = {"month", "day_of_month"} <= parts.keys()
     if "year" not in parts or not (calendar or "day_of_year" in parts):
         return None
-    year = np.where(parts["year"] < 100, parts["year"] + _CENTURY, parts["year"])
+    year = np.where(parts["year"] < 100, parts["year"] + 2000.0, parts["year"])
     if calendar:
         month, day = parts["month"], parts["day_of_month"]
         known = (month >= 1) & (month <= 12) & (day >= 1) & (day < 32)

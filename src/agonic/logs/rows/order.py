@@ -12,35 +12,28 @@ from bisect import bisect_right
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
-from agonic.logs.rows.resample import find_misplaced
+from agonic.logs.headers.quantities import DOCUMENT
+from agonic.logs.rows.auxiliary import find_misplaced
 
-_MOSTLY = 0.9
-"""Share of the steps that lead back in a table written newest first."""
-_NEAR = 20
-"""Rows that threads may be out of order by, a tenth of a short table."""
 _SHARE = 0.01
 """Share of the rows at which a clock may begin anew; more often it is broken."""
 _LEAST = 10
 """Rows that a part after a restart has at least."""
-_FILLED = 0.5
-"""Share of the time of the rows left out that the times beside them leave for them."""
-_WRAPS_S = {
-    "16 bits of ms": 65.536, "32 bits of µs": 4294.967296, "32 bits of ms": 4294967.296,
-    "31 bits of µs": 2147.483648, "24 bits of ms": 16777.216, "16 bits of µs": 0.065536,
-}  # fmt: skip
 
 
 def order_rows(time: Array) -> tuple[Index | None, tuple[str, ...]]:
-    """The rows (k,) of a table in the order of their times (n,), and a note; `None` as they are."""
+    """The rows (k,) of a table in the order of their times (n,), and a note; `None` as they are.
+    Nine tenths of the steps lead back in a table written newest first; threads put rows out of
+    order by up to 20, or a tenth of a short table."""
     known = np.flatnonzero(np.isfinite(time))
     steps = np.diff(time[known])
     back = int((steps < 0).sum())
     if not back:
         return None, ()
-    if back > _MOSTLY * np.count_nonzero(steps) and len(known) > 2:
+    if back > 0.9 * np.count_nonzero(steps) and len(known) > 2:
         note = "the table is written newest first: its rows are reversed"
         return np.arange(len(time))[::-1], (note,)
-    near = min(_NEAR, len(known) // 10)
+    near = min(20, len(known) // 10)
     far = np.abs(_rank(time[known]) - np.arange(len(known))) > near
     kept = known[~(far & find_misplaced(time[known]))]
     moved = _rank(time[kept]) - np.arange(len(kept))
@@ -61,7 +54,7 @@ def _rank(values: Array) -> Index:
 def find_strays(time: Array) -> Mask:
     """The few rows (n,) whose times are damaged: without them the others are in order. Those in no
     longest sequence of times that do not fall, where they are a hundredth of the rows or ten, and
-    where the others leave about the time that they took: where the clock stepped back, the times on
+    the others leave half of the time that they took: where the clock stepped back, the times on
     both sides are right and leave none."""
     known = np.flatnonzero(np.isfinite(time))
     t = time[known]
@@ -70,7 +63,7 @@ def find_strays(time: Array) -> Mask:
     if len(t) - len(kept) > max(_SHARE * len(t), _LEAST) or len(kept) < 2 * _LEAST:
         return strays
     missing, spans = np.diff(kept) - 1, np.diff(t[kept])
-    if (spans < _FILLED * missing * np.median(spans)).any():
+    if (spans < 0.5 * missing * np.median(spans)).any():
         return strays
     strays[np.delete(known, kept)] = True
     return strays
@@ -118,14 +111,14 @@ def continue_time(time: Array, field: Array) -> tuple[Array, tuple[str, ...]]:
     steps = np.diff(t)
     step = float(np.median(steps[steps > 0]))
     later = np.zeros(len(t))
-    wraps = []
+    wraps, wrapping = [], DOCUMENT["wraps"]
     for at in backward:
         fall = float(t[at - 1] - t[at])
         found = (
-            n for n, size in _WRAPS_S.items() if 0 < size - fall <= max(20 * step, 1e-3 * size)
+            n for n, size in wrapping.items() if 0 < size - fall <= max(20 * step, 1e-3 * size)
         )
         wraps.append(next(found, ""))  # the counter whose wrap explains it
-        later[at:] += _WRAPS_S.get(wraps[-1], fall + step)
+        later[at:] += wrapping.get(wraps[-1], fall + step)
     placed = time.copy()
     placed[known] = t + later
     if len(set(wraps)) == 1 and wraps[0]:

@@ -16,18 +16,15 @@ from agonic.logs.headers.columns import FRACTION, Identified
 from agonic.logs.headers.header import Column
 from agonic.logs.headers.quantities import ZONE
 from agonic.logs.log import Table
-from agonic.logs.rows.auxiliary import to_numbers
-from agonic.logs.rows.resample import LONGEST_LOG_S, find_misplaced
+from agonic.logs.rows.auxiliary import LONGEST_LOG_S, find_misplaced, to_numbers
 from agonic.maths.one_pass import median
 
 _CLOCK_SHARE = 0.9
 """Share of rows that must have a time, for the others to be given up rather than the clock."""
-_TICKS, _SLOWEST_TICKS = "1e-4s", 10_000.0
+_TICKS = "1e-4s"
 """The unit of SampleTimeFine of Xsens MT, which sends once a second at least; DOT counts 1 µs."""
 _SCALED = re.compile(r"[(\[{]\s*[x×*/]?\s*\d[\d.eE+-]*\s*[x×*/]?\s*[nuµμm]?s(?:ec)?\s*[)\]}]\s*$")
 """A factor before a unit of time: [10us], (x0.1 s)."""
-_YEAR_9999 = 2.5e11  # Unix seconds; the last year that Python's dates have
-
 Groups = Mapping[str, Mapping[str, Column]]
 
 
@@ -118,7 +115,7 @@ def _read_column(table: Table, found: Identified, group: Mapping[str, Column]) -
         return None, None, (why,)
     if time.unit == _TICKS:
         steps = np.diff((numbers := to_numbers(values))[np.isfinite(numbers)])
-        if len(steps) and (step := median(steps)) > _SLOWEST_TICKS:
+        if len(steps) and (step := median(steps)) > 1e4:
             said = f"{time.header} steps by {step:g}: microseconds, as Xsens DOT counts"
             return *read_clock(values, 1e-6)[:2], (said,)
     if part is not None:  # which a float of Unix nanoseconds would round
@@ -134,7 +131,7 @@ def _read_column(table: Table, found: Identified, group: Mapping[str, Column]) -
     if start is not None and values.dtype.kind in "fiu":
         moment = to_numbers(table[start.header])
         moment = moment[np.isfinite(moment)]
-        known = moment[(moment >= 0) & (moment < _YEAR_9999)]
+        known = moment[(moment >= 0) & (moment < 2.5e11)]  # year 9999, the last of Python's dates
         if len(moment):
             epoch = UNIX + timedelta(seconds=float(known[0])) if len(known) else None
             said = f"{start.header} left out: {moment[0]:g} is no date"

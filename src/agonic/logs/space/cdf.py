@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.clocks.clock import to_moments
-from agonic.logs.contents import explain_damage
+from agonic.logs.contents import MOST_COMPRESSION, explain_damage
 from agonic.logs.headers.header import MOST_COLUMNS
 from agonic.logs.log import Facts, Log
 from agonic.logs.space.variables import build_variables_log
@@ -22,13 +22,6 @@ VERSION_3 = b"\xcd\xf3\x00\x01"
 
 _EPOCH, _EPOCH16, _TT2000 = 31, 32, 33
 """Data types of moments: ms since year 0; s and ps since year 0; ns since 2000, leap seconds in."""
-_YEAR_0_MS = 62_167_219_200_000
-"""Milliseconds from 0000-01-01 to 1970-01-01."""
-_MILLISECONDS_10000 = 315_569_520_000_000
-_MOST_DIMENSIONS = 10
-_SQUEEZED = 1100
-"""The most that gzip can shrink: a variable is no larger than this many times its file."""
-_READS = 100_000
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -41,7 +34,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         with path.open("rb") as stream:
             _check(stream)
         file = cdflib.CDF(path)
-        file._f = _Bounded(file._f, _READS + path.stat().st_size)
+        file._f = _Bounded(file._f, 100_000 + path.stat().st_size)
         info = file.cdf_info()
         names = [*info.zVariables, *info.rVariables]
     variables: dict[str, NDArray[Any]] = {}
@@ -98,10 +91,10 @@ def _check(stream: BinaryIO) -> None:
     r_variables, attributes, _, r_dimensions, z_variables = counts
     for count in (r_variables, z_variables, attributes):
         _refuse_count(count, MOST_COLUMNS, "variables or attributes")
-    _refuse_count(r_dimensions, _MOST_DIMENSIONS, "dimensions")
+    _refuse_count(r_dimensions, 10, "dimensions")
     at = chains[1]
     for _ in range(z_variables):
-        _refuse_count(number(at + (340 if wide else 128)), _MOST_DIMENSIONS, "dimensions")
+        _refuse_count(number(at + (340 if wide else 128)), 10, "dimensions")
         at = number(at + size + 4, offset)
 
 
@@ -115,7 +108,7 @@ def _read_values(file: Any, name: str, size: int) -> NDArray[Any] | None:
     info = file.vdr_info(name)
     dimensions = [n for n, vary in zip(info.dim_sizes, info.dim_vary, strict=True) if vary]
     each = int(np.prod(dimensions, dtype=np.int64)) * 16 * max(info.num_elements, 1)
-    if not 0 <= info.max_rec * each <= _SQUEEZED * size:
+    if not 0 <= info.max_rec * each <= MOST_COMPRESSION * size:
         raise ValueError("more records than the file can hold")
     if not info.record_vary or len(dimensions) > 1:
         return None
@@ -139,6 +132,7 @@ def decode_moments(values: NDArray[Any], data_type: int) -> NDArray[Any]:
 
 
 def _decode_epoch(milliseconds: Array) -> NDArray[Any]:
-    """Milliseconds since year 0 as moments; what lies outside 0…9999 is no time."""
-    known = (milliseconds > 0) & (milliseconds < _MILLISECONDS_10000)
-    return to_moments((np.where(known, milliseconds, np.nan) - _YEAR_0_MS) * 1e3)
+    """Milliseconds since year 0, of which 1970 begins after 62 167 219 200 000, as moments; what
+    lies outside 0…9999 is no time."""
+    known = (milliseconds > 0) & (milliseconds < 315_569_520_000_000)
+    return to_moments((np.where(known, milliseconds, np.nan) - 62_167_219_200_000) * 1e3)

@@ -31,7 +31,6 @@ MISSING = 88_880.0
 _TIME, _VALUES, _WIDTH = slice(0, 23), slice(30, 70), 10
 _NORTH = ("XYZ", "HDZ", "DHZ")
 _OWN = ("HEZ", "UVW", "EHZ")
-_MINUTES_A_TURN = 21_600.0
 _PLACES = {
     "GEODETIC LATITUDE": "latitude_deg",
     "GEODETIC LONGITUDE": "longitude_deg",
@@ -152,6 +151,6 @@ def _field(
     if "definitive" not in header.get("DATA TYPE", "").lower() and np.isfinite(base):
         minutes = minutes + base
         notes.append(f"D counts from DECBAS, {base / 60:.3f}°")
-    angle = 2 * np.pi * minutes / _MINUTES_A_TURN
+    angle = 2 * np.pi * minutes / 21_600.0
     north, east = elements["H"] * np.cos(angle), elements["H"] * np.sin(angle)
     return np.stack([north, east, elements["Z"]], axis=1), "n", notes

@@ -1,8 +1,6 @@
 """netCDF files: version 4, which is HDF5, with h5py; version 3 with SciPy.
 
 Times follow the CF conventions ("seconds since 2026-01-01"), as do scale, offset and fill value.
-Variables are named as columns are (`columns`) or as magnetic satellites name theirs (`products`);
-recordings of the BROAD data set in HDF5 are known by theirs.
 """
 
 from __future__ import annotations
@@ -31,12 +29,11 @@ from agonic.provenance import Input
 CLASSIC = (b"CDF\x01", b"CDF\x02")
 
 _SINCE = re.compile(r"\s*(?P<unit>[a-z]+)\s+since\s+(?P<start>.+)", re.IGNORECASE)
-_SECONDS = {"d": 86_400.0, "h": 3600.0, "mi": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_SPELLED = {"mil": "ms", "msec": "ms", "mic": "us", "usec": "us", "n": "ns", "min": "mi"}
+_UNITS = {"min": 60.0, "mil": 1e-3, "ms": 1e-3, "mic": 1e-6, "us": 1e-6, "n": 1e-9, "d": 86_400.0,
+          "h": 3600.0, "s": 1.0}  # fmt: skip
+"""Seconds of units of time, by how their names begin."""
 _ATTRIBUTES = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value")
 _DIMENSION = b"This is a netCDF dimension but not a netCDF variable"
-_LONGEST, _LONGEST_TEXT = 65_536, 200  # bytes of an attribute, letters of a text
-_MOST_EXTENT_S = 1e11
 
 Found = tuple[NDArray[Any], Mapping[str, Any]]
 """The values of a variable and its attributes."""
@@ -100,14 +97,14 @@ def _attributes(given: Any) -> dict[str, Any]:
     return {
         key: _shorten(given[key])
         for key, one in known.items()
-        if np.prod(one.shape, dtype=np.float64) * max(one.dtype.itemsize, 1) <= _LONGEST
+        if np.prod(one.shape, dtype=np.float64) * max(one.dtype.itemsize, 1) <= 65_536
         and (one.dtype.kind != "O" or (one.dtype.metadata or {}).get("vlen") is str)
     }
 
 
 def _shorten(value: Any) -> Any:
     """An attribute; a text no longer than a unit may be."""
-    return value[:_LONGEST_TEXT] if isinstance(value, str | bytes) else value
+    return value[:200] if isinstance(value, str | bytes) else value
 
 
 def _read_version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
@@ -146,13 +143,12 @@ def _decode(values: NDArray[Any], attributes: Mapping[str, Any]) -> NDArray[Any]
 def _moments(numbers: Array, since: re.Match[str]) -> NDArray[Any]:
     """Numbers of days, hours, seconds … since a moment, as moments to the microsecond."""
     word = since["unit"].lower()
-    name = next((ours for start, ours in _SPELLED.items() if word.startswith(start)), None)
-    name = name or next((n for n in ("ms", "us", "ns", "d", "h", "s") if word.startswith(n)), "")
+    unit_s = next((size for begins, size in _UNITS.items() if word.startswith(begins)), None)
     _, start, _ = read_clock(np.array([_clean(since["start"])], dtype=object), None)
-    if start is None or name not in _SECONDS:
+    if start is None or unit_s is None:
         return numbers
-    seconds = numbers * _SECONDS[name]
-    return to_moments(np.where(np.abs(seconds) < _MOST_EXTENT_S, seconds, np.nan) * 1e6, start)
+    seconds = numbers * unit_s
+    return to_moments(np.where(np.abs(seconds) < 1e11, seconds, np.nan) * 1e6, start)
 
 
 def _clean(moment: str) -> str:

@@ -33,7 +33,6 @@ _RANGES = {
     "altitude_m": (-1e4, 1e9),
 }
 _WHEN = ("date", "time")
-_YEARS = (1000.0, 3000.0)  # a number out here is no decimal year
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,20 +53,9 @@ class Points:
 
 
 def read_points(path: Path | str, date: str | None = None) -> Points:
-    """The places of a CSV file with a header.
-
-    Columns are latitude_deg and longitude_deg, and may be altitude_m (else 0) and date or time
-    (ISO 8601 or a decimal year; else `date` for all), or other names that a log may have for them.
-    Raises `LogError` with the row for a cell that is no place or date, or without such columns.
-
-    >>> from tempfile import TemporaryDirectory
-    >>> with TemporaryDirectory() as folder:
-    ...     csv = Path(folder) / "points.csv"
-    ...     _ = csv.write_text("lat,lon,date\\n52,5,2026-03-01\\n-33.5,151.2,2026.5\\n")
-    ...     points = read_points(csv)
-    ...     points.latitude_deg.tolist(), points.dates
-    ([52.0, -33.5], ('2026-03-01', '2026.5'))
-    """
+    """The places of a CSV file with a header: latitude_deg and longitude_deg, perhaps altitude_m
+    (else 0) and date or time (ISO 8601 or a decimal year; else `date` for all), or other names that
+    a log may have for them. Raises `LogError` with the row for a cell that is no place or date."""
     path = Path(path)
     lines = csv.reader(StringIO(read_text(path, "a CSV file of points")))
     table = [(lines.line_num, cells) for cells in lines if "".join(cells).strip()]
@@ -181,24 +169,16 @@ def _years(dates: Sequence[str], rows: Index, path: Path) -> Array:
     for date, row in zip(dates, rows.tolist(), strict=True):
         if date in known:
             continue
+        known[date] = to_number(date)
         try:
-            known[date] = float(date)  # in figures
-        except ValueError:
-            try:
-                known[date] = float(decimal_year(date))
-            except AgonicError as error:
-                raise LogError(str(error), path=path, row=row) from None
-        else:
-            if not _YEARS[0] <= known[date] <= _YEARS[1]:
-                why = f"{date} is not a year; give a date like 2026-03-01, or like 2026.17"
-                raise LogError(why, path=path, row=row)
+            known[date] = float(decimal_year(date)) if math.isnan(known[date]) else known[date]
+        except AgonicError as error:
+            raise LogError(str(error), path=path, row=row) from None
+        if not 1000 <= known[date] <= 3000:
+            why = f"{date} is not a year; give a date like 2026-03-01, or like 2026.17"
+            raise LogError(why, path=path, row=row)
     return np.array([known[date] for date in dates])
 
-
-LINE = 69
-"""Characters of a line of elements, the checksum included."""
-FRESH_DAYS = 7.0
-"""So long the elements of a low orbit are good to some ten kilometres."""
 
 _UNIX_JULIAN_DATE = 2_440_587.5
 
@@ -250,7 +230,7 @@ def positions_from_tle(
     unix = start.timestamp() + np.asarray(time, dtype=np.float64)
     made = np.array([s.jdsatepoch + s.jdsatepochF - _UNIX_JULIAN_DATE for s in sets]) * DAY_S
     nearest = np.abs(unix[:, None] - made).argmin(axis=1) if len(sets) > 1 else np.zeros(len(unix))
-    if (age := np.abs(unix - made[nearest.astype(int)]).max(initial=0.0) / DAY_S) > FRESH_DAYS:
+    if (age := np.abs(unix - made[nearest.astype(int)]).max(initial=0.0) / DAY_S) > 7.0:
         warnings.warn(
             f"the elements are {age:.0f} days off: positions may be wrong by tens of kilometres; "
             "take elements of the same week",
@@ -276,7 +256,7 @@ def _pairs(text: str) -> list[tuple[str, str]]:
     """The first and second lines that belong together, checked by their checksums."""
     lines = [line.rstrip() for line in text.splitlines()]
     pairs = [
-        (one[:LINE], two[:LINE])
+        (one[:69], two[:69])
         for one, two in pairwise(lines)
         if one.startswith("1 ") and two.startswith("2 ") and one[2:7] == two[2:7]
     ]
@@ -288,7 +268,7 @@ def _pairs(text: str) -> list[tuple[str, str]]:
     from sgp4.io import compute_checksum
 
     for line in (line for pair in pairs for line in pair):
-        if len(line) < LINE or line[-1] != str(compute_checksum(line)):
+        if len(line) < 69 or line[-1] != str(compute_checksum(line)):
             raise LogError(f"the checksum of {line!r} is wrong; copy the elements again")
         numbers = (to_number(line[a:b]) for a, b in _NUMBERS[int(line[0]) - 1])
         if any(map(math.isnan, numbers)) or not (line.isascii() and line.isprintable()):

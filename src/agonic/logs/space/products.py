@@ -1,10 +1,10 @@
 """What magnetic satellites call their variables, as tables under the canonical names.
 
-Swarm, CryoSat-2, GRACE and CHAMP data as ESA and VirES write them, in CDF, netCDF or text:
-Timestamp; Latitude, Longitude and Radius, geocentric; vectors in nT named for their frame (`B_VFM`,
-`B_NEC`); `F`, the scalar instrument; `q_NEC_CRF`, which turns vectors of the star camera frame into
-north-east-centre, scalar last; and flags, where 255 is "no data" (Swarm Level 1b Product
-Definition, SW-RS-DSC-SY-0007; CDF format, SW-ID-GMV-GS-0006).
+Swarm, CryoSat-2, GRACE and CHAMP data as ESA and VirES write them: Timestamp; Latitude, Longitude
+and Radius, geocentric; vectors in nT named for their frame (`B_VFM`, `B_NEC`); `F`, the scalar
+instrument; `q_NEC_CRF`, which turns vectors of the star camera frame into north-east-centre, scalar
+last; and flags, where 255 is "no data" (Swarm Level 1b Product Definition, SW-RS-DSC-SY-0007; CDF
+format, SW-ID-GMV-GS-0006).
 """
 
 from __future__ import annotations
@@ -26,9 +26,6 @@ from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric,
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
 
-SAME = 1e-3
-"""nT; a magnitude this near to that of the vector was computed from it."""
-
 
 def compare_scalar(field: Array, scalar: Array) -> tuple[Array, Array | None, tuple[str, ...]]:
     """The field (n, 3) and the scalar reading (n,), both nT, as they can stand beside each other. A
@@ -40,7 +37,7 @@ def compare_scalar(field: Array, scalar: Array) -> tuple[Array, Array | None, tu
     both = readings & known
     if not both.any():
         return field, None, ()
-    if np.abs(np.linalg.norm(field[both], axis=1) - scalar[both]).max() < SAME:
+    if np.abs(np.linalg.norm(field[both], axis=1) - scalar[both]).max() < 1e-3:
         note = "F is the magnitude of the vector, not the reading of a scalar instrument"
         return field, None, (note,)
     if both.all():

@@ -31,7 +31,6 @@ FILL = 1e30
 _SPELLINGS = {
     theirs: ours for ours, words in DOCUMENT["spellings"].items() for theirs in words.split()
 }
-_LENGTHS_M = {"m": 1.0, "km": 1e3}
 
 
 def build_variables_log(
@@ -67,7 +66,7 @@ def build_variables_log(
 def _convert_unit(name: str, values: NDArray[Any], unit: str) -> NDArray[Any]:
     """Lengths in m and fields in nT; variables of other kinds as they are."""
     if name == "Radius":
-        return values * _LENGTHS_M.get(unit, 1.0)
+        return values * (1e3 if unit == "km" else 1.0)
     with suppress(UnitError):
         if values.dtype.kind == "f" and find_unit(unit) != RAW:
             return values * nanotesla_per(unit)

@@ -1,9 +1,9 @@
 """Numbers in brackets, made into plain rows; and arrays that source text gives names.
 
-Brackets stand around rows, around cells below a header, `0.1;(1.5, 2, 3)` or `0.1,(1.5),(2),(3)`,
-and within brackets, as Python and NumPy print the rows of a table. Those behind a name, as in
-`MAG[0]`, are a part of it. Arrays are `mag = [1 2 3; …];` of MATLAB and Octave,
-`mag = np.array([[1, 2, 3], …])` of Python, `const float mag[][3] = {{1, 2, 3}, …};` of C.
+Brackets stand around rows, around cells below a header, `0.1;(1.5, 2, 3)`, and within brackets, as
+Python and NumPy print the rows of a table. Those behind a name, as in `MAG[0]`, are a part of it.
+Arrays are `mag = [1 2 3; …];` of MATLAB, `mag = np.array([[1, 2, 3], …])` of Python, `const float
+mag[][3] = {{1, 2, 3}, …};` of C.
 """
 
 from __future__ import annotations
@@ -17,16 +17,10 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.formats import HEAD_BYTES
 from agonic.logs.headers.columns import find_columns, find_quantities
+from agonic.logs.text import layout
 from agonic.logs.text.encoding import Text
-from agonic.logs.text.layout import (
-    LABVIEW,
-    NUMBER,
-    STAMP,
-    holds_values,
-    is_header,
-    split_cells,
-)
 
 _NUMBER = r"[-+]?[\d.]++(?:[eE][-+]?\d++)?+"
 _GROUP = re.compile(rf"(?<!\w)[(\[{{<]\s*({_NUMBER}(?:[\s,;]+{_NUMBER})*)\s*[)\]}}>]")
@@ -36,8 +30,6 @@ _NEST = re.compile(rf"(?:(?<=\n)|^)\s*(?:[\w.]*array\()?[(\[]\s*(?=[(\[]\s*{_PRI
 _ROW = re.compile(rf"[(\[]\s*({_PRINTED}(?:(?:\s*,\s*|\s+){_PRINTED})+),?\s*[)\]]")
 _AROUND = re.compile(r"[\s,)\]]*+(?:dtype=[\w.]++\)\s*+)?")
 _SEPARATORS = ";\t|,"
-_LOOKED_AT = 50
-"""Rows that tell of all."""
 
 
 def unnest(data: Text) -> Text:
@@ -65,13 +57,13 @@ def open_brackets(data: Text, head: Sequence[str]) -> Text:
     """The text without brackets around numbers, where every row below a header has them. Where the
     header has a name for each number, each becomes a cell; numbers under one name become one quoted
     cell."""
-    rows = [line for line in head if holds_values(line)][:_LOOKED_AT]
+    rows = [line for line in head if layout.holds_values(line)][:50]
     headed = len(rows) > 1 and not _GROUP.search(rows[0])
     if not headed or '"' in "".join(rows) or not all(map(_GROUP.search, rows[1:])):
         return data
     between = next((one for one in _SEPARATORS if one in rows[0]), None)
-    names = split_cells(rows[0], between)
-    if not is_header(names):
+    names = layout.split_cells(rows[0], between)
+    if not layout.is_header(names):
         return data
 
     def write(group: re.Match[str], *, single: bool) -> str:
@@ -80,33 +72,28 @@ def open_brackets(data: Text, head: Sequence[str]) -> Text:
 
     for single in (True, False):
         opened = _GROUP.sub(partial(write, single=single), rows[1])
-        if len(split_cells(opened, between)) == len(names):
+        if len(layout.split_cells(opened, between)) == len(names):
             first, rest = data[:].decode().split(rows[0], 1)
             return (first + rows[0] + _GROUP.sub(partial(write, single=single), rest)).encode()
     return data
 
 
 _PLAIN = re.compile(r"[-+\d.eE,;\s()\[\]{}<>]+")
-_STAMPED = re.compile(rf"\s*\[?({STAMP})\]?\s*(?:->|>|:|,|\s)\s*(?=[-+.\d])")
+_STAMPED = re.compile(rf"\s*\[?({layout.STAMP})\]?\s*(?:->|>|:|,|\s)\s*(?=[-+.\d])")
 """What terminals write before a line: the moment that it came."""
-_ONE_NUMBER = re.compile(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?")
-_BRACKET = re.compile(r"[(\[{<]")
 _TO_BLANKS = bytes.maketrans(b"()[]{}<>,;", b" " * 10)
-_TIMED = re.compile(rb"X_Dimension\tTime")
-_HEAD = 20_000
-_RULE = re.compile(r"[-=_*]{3,}")
-_FEW_GROUPS = 3
 
 
 def level(data: Text, head: Sequence[str]) -> Text:
     """The text with blanks for the brackets and commas of rows of mere numbers: `0 (1, 2, 3)`. Of a
     measurement of LabVIEW the table below its headers."""
-    if head[0].startswith(LABVIEW):
-        end = data.rfind(b"***End_of_Header***", 0, _HEAD)
+    if head[0].startswith(layout.LABVIEW):
+        end = data.rfind(b"***End_of_Header***", 0, HEAD_BYTES)
         body = data[end:].partition(b"\n")[2]
-        return body.replace(b"X_Value", b"time_s", 1) if _TIMED.search(data[:_HEAD]) else body
+        timed = b"X_Dimension\tTime" in data[:HEAD_BYTES]
+        return body.replace(b"X_Value", b"time_s", 1) if timed else body
     _check_groups(head)
-    rows = [line for line in head if holds_values(line)][:_LOOKED_AT]
+    rows = [line for line in head if layout.holds_values(line)][:50]
     if rows and all(
         row.count('"') == 2 and row.strip()[:: len(row.strip()) - 1] == '""' for row in rows
     ):
@@ -119,13 +106,17 @@ def level(data: Text, head: Sequence[str]) -> Text:
         "," in row and "." in row and any(len(cell.split()) > 1 for cell in row.split(","))
         for row in rows
     )
-    return data[:].translate(_TO_BLANKS) if any(map(_BRACKET.search, rows)) or all(mixed) else data
+    return (
+        data[:].translate(_TO_BLANKS)
+        if any(re.search(r"[(\[{<]", row) for row in rows) or all(mixed)
+        else data
+    )
 
 
 def _name_stamps(text: str, rows: Sequence[str]) -> bytes:
     """Rows with the stamp of a terminal before them; three numbers behind it are x, y and z."""
     cells = [_BETWEEN.split(_STAMPED.sub("", row, count=1).strip()) for row in rows]
-    if not all(len(row) == 3 and all(map(_ONE_NUMBER.fullmatch, row)) for row in cells):
+    if not all(len(row) == 3 and all(re.fullmatch(_NUMBER, cell) for cell in row) for row in cells):
         return text.encode()
     lines = ["time,x,y,z"]
     for line in text.split("\n"):
@@ -140,27 +131,24 @@ def _check_groups(head: Sequence[str]) -> None:
     several sensors, one below the other."""
     sizes = [0]
     for line in head:
-        if _RULE.fullmatch(line.strip()):
+        if re.fullmatch(r"[-=_*]{3,}", line.strip()):
             sizes.append(0)
         elif line.strip():
             sizes[-1] += 1
-    if len(sizes) > _FEW_GROUPS and len({*sizes[1:-1]}) == 1 and sizes[1] > 1:
+    if len(sizes) > 3 and len({*sizes[1:-1]}) == 1 and sizes[1] > 1:
         raise LogError(
             f"lines of dashes divide its rows into groups of {sizes[1]}, each of which may be of "
             "another sensor; write one row for each moment, with names in a first line"
         )
 
 
-_VALUE = re.compile(rf"({NUMBER})[fF]?(?!\w)|[-+]?(?:nan|inf)\b", re.IGNORECASE)
+_VALUE = re.compile(rf"({layout.NUMBER})[fF]?(?!\w)|[-+]?(?:nan|inf)\b", re.IGNORECASE)
 _NAMED = re.compile(
     r"^[ \t]*(?:\w+[ \t]+)*(\w+)[ \t]*(?:\[\w*\][ \t]*)*=\s*(?:[\w.]*\()?\s*(?=[\[({])",
     re.MULTILINE,
 )
 _COMMENT = re.compile(r"(?://|%|#|\.\.\.).*")
-_FILLING = re.compile(r"[\s,;]*")
 _OPENING = "[({"
-_FEWEST = 4
-"""Rows below which numbers in brackets are settings, no readings."""
 
 
 def read_assigned(data: Text) -> dict[str, Array] | None:
@@ -168,7 +156,7 @@ def read_assigned(data: Text) -> dict[str, Array] | None:
     is of a magnetometer, or a name comes again and again, as in a log."""
     found = list(_find_arrays(data[:].decode("utf-8", "replace")))
     arrays = dict(found)
-    lengths = Counter(len(array) for array in arrays.values() if len(array) >= _FEWEST)
+    lengths = Counter(len(array) for array in arrays.values() if len(array) > 3)  # no settings
     if not lengths or len(arrays) < len(found):
         return None
     rows = max(lengths, key=lambda length: (lengths[length], length))
@@ -199,12 +187,12 @@ def _find_arrays(text: str) -> Iterator[tuple[str, Array]]:
 
 def _read_array(body: str) -> Array | None:
     """The rows in inner brackets, or between semicolons and ends of lines, or one row."""
-    nested = any(bracket in body for bracket in _OPENING)
+    nested = not {*_OPENING}.isdisjoint(body)
     parts = re.split(r"[\])}]" if nested else r"[;\n]", body)
     rows = [[float(value[1] or value[0]) for value in _VALUE.finditer(part)] for part in parts]
     left = _VALUE.sub("", re.sub(r"[\[({\])}]", "", body))
     rows = [row for row in rows if row]
-    if not rows or not _FILLING.fullmatch(left):
+    if not rows or left.strip(" \t\r\n\f\v,;"):
         return None
     goes_on = all(not line.strip() or line.rstrip().endswith(",") for line in body.split("\n"))
     if len(rows) == 1 or (not nested and ";" not in body and goes_on):

@@ -1,9 +1,7 @@
 """What the lines around the rows of a text table say of them: a sampling rate, the unit of the
-field, in logs of Gyroflow the factors of counts; another sensor, another header, cells that hold no
-number.
-
-Source: Gyroflow documentation, `.gcsv` format: `t` times `tscale` is seconds, `gx` times `gscale`
-rad/s, `ax` times `ascale` g, `mx` times `mscale` gauss; `timestamp` is the start in Unix seconds.
+field, another sensor, another header, cells that hold no number; in logs of Gyroflow the factors of
+counts (`t` · `tscale` is s, `gx` · `gscale` rad/s, `ax` · `ascale` g, `mx` · `mscale` G;
+`timestamp` is the start in Unix seconds). Source: Gyroflow documentation, `.gcsv` format.
 """
 
 from __future__ import annotations
@@ -16,8 +14,7 @@ import numpy as np
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.groups import INERTIAL
-from agonic.logs.headers.columns import find_quantities, identify_columns
-from agonic.logs.headers.conventions import find_named_quantity
+from agonic.logs.headers.columns import find_named_quantity, find_quantities, identify_columns
 from agonic.logs.headers.quantities import FALLBACK
 from agonic.logs.log import Table as AnyTable
 from agonic.logs.text.encoding import Text
@@ -31,7 +28,6 @@ _SCALES = {
     **{f"g{axis}": ("gscale", f"gyro_{axis}_rad_s") for axis in "xyz"},
 }
 """The factor of each column, and its name once that is applied."""
-_HEAD = 20_000
 _NOTHING = ("", "nan", "null", "none", "na", "n/a", "#n/a", "inf", "-inf", "-")
 
 
@@ -89,7 +85,7 @@ def check_numbers(table: AnyTable, data: Text, start: int, layout: Layout) -> No
     ]
     if any(np.isfinite([table[h] for h in headers]).all(axis=0).any() for headers in fields):
         return
-    rows = [split_cells(row, layout.separator) for row in split_rows(data[: start + _HEAD], start)]
+    rows = [split_cells(row, layout.separator) for row in split_rows(data[: start + 20_000], start)]
     for name in (header for headers in fields for header in headers):
         at = layout.header.index(name) if name in layout.header else 0
         for cell in (row[at] for row in rows[:-1] if at < len(row)):

@@ -1,13 +1,10 @@
 """Text tables: comma, semicolon, tab or blanks between the cells, with a header or without.
 
 Understood are comments (#, %), a header in the last comment line, lines before the header and a
-sampling rate in them, a row of units below it, quoted cells, three numbers in one cell, a decimal
-comma where the separator is a semicolon or a tab, UTF-8 and UTF-16 with their marks, Windows-1251
-and GB 18030 where headers make sense in them, other bytes as Latin-1, and the ends of lines of
-every system. Three numbers a line without a header are a point cloud in raw units; of four, the
+sampling rate in them, a row of units below it, quoted cells, three numbers in one cell and a
+decimal comma. Three numbers a line without a header are a point cloud in raw units; of four, the
 first a clock, it is their time. A cell that is no number becomes NaN, and `Samples` rejects and
-counts the row. `columns` tells what the headers mean. Lines of other kinds (MotionCal, NMEA-like,
-labelled, tagged) are in `text`.
+counts the row. Lines of other kinds are those of `dialects`, `sentences`, `labels` and `brackets`.
 """
 
 from __future__ import annotations
@@ -26,7 +23,7 @@ from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.headers.header import identify_column, name_quantity
 from agonic.logs.log import About, Facts, Log
 from agonic.logs.table import build_log
-from agonic.logs.text import dialects, long_table, numbers
+from agonic.logs.text import brackets, checks, dialects, long_table, numbers
 from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LABVIEW,
@@ -88,19 +85,16 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
             "fit north reads it"
         )
     facts = Facts(path=path, source=source, format="source text", unit=unit, notes=lines.notes)
-    if any(map(_ASSIGNED, lines.head[:SAMPLE])):
-        from agonic.logs.text.brackets import read_assigned
-
-        if assigned := read_assigned(lines.data):
-            return build_log(assigned, **facts)
-    dialect, said = dialects.find_dialect(lines.head, lines.rows or lines.head), ""
+    assigned = any(map(_ASSIGNED, lines.head[:SAMPLE])) and brackets.read_assigned(lines.data)
+    if assigned:
+        return build_log(assigned, **facts)
+    dialect = dialects.find_dialect(lines.head, lines.rows or lines.head)
     if dialect is None and _most(lines.rows, _TAGGED.match):
-        dialect, said = dialects.find_stated_dialect(lines.head)
+        dialect = dialects.find_stated_dialect(lines.head)
     if dialect is not None:
-        facts |= {"format": dialect.name, "notes": (*lines.notes, *((said,) if said else ()))}
-        return dialects.build_kinds_log(
-            dialects.read_dialect(dialect, lines.whole), dialect.kinds, facts
-        )
+        facts |= {"format": dialect.name, "notes": (*lines.notes, *dialect.notes)}
+        tables = dialects.read_dialect(dialect, lines.whole)
+        return dialects.build_kinds_log(tables, dialect.kinds, facts)
     if _most(lines.rows, lambda line: "$" in line[:40] and "," in line):
         from agonic.logs.text.sentences import read_sentences
 
@@ -125,21 +119,14 @@ def _load(path: Path) -> Lines:
     """The text of a file, with plain rows for those in brackets."""
     data, notes = load(path, _count_understood)
     if _NESTED(data[:_HEAD]):
-        from agonic.logs.text.brackets import unnest
-
-        data = unnest(data)
+        data = brackets.unnest(data)
     head = _split_head(data)
     plain = not any(map(str.isalpha, _IN_NUMBERS.sub("", head[0])))
     if plain or head[0].startswith((LABVIEW, '"')):
-        from agonic.logs.text.brackets import level
-
-        data = level(data, head)
-        head = _split_head(data)
+        data = brackets.level(data, head)
     elif any(map(_BRACKETED, head[:SAMPLE])):
-        from agonic.logs.text.brackets import open_brackets
-
-        data = open_brackets(data, head)
-        head = _split_head(data)
+        data = brackets.open_brackets(data, head)
+    head = _split_head(data)
     sample = sample_lines(head)
     return Lines(data, head, [head[i] for i in sample], sample, notes)
 
@@ -212,8 +199,6 @@ def _read_separated(lines: Lines) -> TableAndFacts:
     table, others, said = _read_body(data, start, layout, "\n".join(above))
     gaps = any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
     if above or gaps or layout.unit or layout.rate_Hz is not None:
-        from agonic.logs.text import checks
-
         table = checks.add_stated(table, layout)
         if above:
             checks.check_title(table, above)
@@ -281,12 +266,12 @@ def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[st
 
 def _find_vectors(header: Sequence[str], rows: Sequence[Sequence[str]]) -> set[int]:
     """The columns that hold three numbers a cell."""
-    found = set()
-    for i, name in enumerate(header):
-        cells = [row[i] for row in rows if i < len(row) and row[i]]
-        if identify_column(f"{name}[0]") is not None and _most(cells, _THREE.fullmatch):
-            found.add(i)
-    return found
+    cells = ([row[i] for row in rows if i < len(row) and row[i]] for i in range(len(header)))
+    return {
+        i
+        for i, (name, column) in enumerate(zip(header, cells, strict=True))
+        if identify_column(f"{name}[0]") is not None and _most(column, _THREE.fullmatch)
+    }
 
 
 def _take_apart(name: str, cells: NDArray[Any]) -> Table:
@@ -299,6 +284,5 @@ def _take_apart(name: str, cells: NDArray[Any]) -> Table:
 def _holds_texts(name: str, at: int, rows: Sequence[Sequence[str]]) -> bool:
     """Whether a column may hold texts and most of its first cells do; a label is always one."""
     quantity = name_quantity(name)
-    if quantity in _TEXTUAL:
-        return is_header([cell for row in rows for cell in row[at : at + 1]])
-    return quantity in _LABELS
+    words = quantity in _TEXTUAL and is_header([cell for row in rows for cell in row[at : at + 1]])
+    return words or quantity in _LABELS

@@ -1,12 +1,10 @@
-"""The dialects of text: rows whose layout their writer documents, and no header tells.
+"""The dialects of text: rows whose layout their writer documents, and no header tells: `texts` and
+`groups` in the table of dialects, `dialects.toml`.
 
-They are `texts` and `groups` in the table of dialects, `dialects.toml`.
-
-Rows of several kinds in one text are made into tables, one for each kind. The columns of a kind
-stand in the table of dialects; in a comment, `# UncalMag,utcTimeMillis,…` (Android GnssLogger),
-`% Magnetometer data: 'MAGN;AppTimestamp(s);…'` (GetSensorData); or in sentences of their own:
-`$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors in the first cell or the second
-tell: `0.02 MAG 20.1 -3.2 43.0`.
+Each kind of rows is a table. Its columns stand in the table of dialects; in a comment, `#
+UncalMag,utcTimeMillis,…` (Android GnssLogger), `% Magnetometer data: 'MAGN;AppTimestamp(s);…'`
+(GetSensorData); or in sentences, `$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors
+in the first cell or the second tell: `0.02 MAG 20.1 -3.2 43.0`.
 """
 
 from __future__ import annotations
@@ -24,8 +22,12 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.logs.contents import to_number
 from agonic.logs.groups import INERTIAL, build_groups_log
-from agonic.logs.headers.columns import find_columns, find_quantities
-from agonic.logs.headers.conventions import find_named_quantity, read_dialects
+from agonic.logs.headers.columns import (
+    find_columns,
+    find_named_quantity,
+    find_quantities,
+    read_dialects,
+)
 from agonic.logs.log import Facts, Log
 from agonic.logs.table import build_log
 from agonic.logs.text.layout import Layout, holds_values, is_header, split_cells
@@ -62,6 +64,7 @@ class Dialect:
     share: float = 0.5
     separator: str | None = None
     pair: str = ""
+    notes: tuple[str, ...] = ()
 
     def fits(self, head: Sequence[str], rows: Sequence[str]) -> bool:
         """Whether a text is of it, by its first lines and by those of them that hold values."""
@@ -122,7 +125,7 @@ _STATED = re.compile(r"[#%]\W*(?:[^'\"]*['\"])?([A-Za-z]\w+)([,;])([^'\"]*)")
 
 
 def _make(
-    headers: Mapping[str, Sequence[str]], at: int = 0, separator: str | None = ","
+    headers: Mapping[str, Sequence[str]], at: int = 0, separator: str | None = ",", note: str = ""
 ) -> Dialect:
     """The dialect of rows whose kind is in the cell `at`, the first or the second."""
     cell = r"\S*" if separator is None else rf"[^{separator}\n]*"
@@ -134,17 +137,16 @@ def _make(
         kinds={name: Kind(tuple(map(Cell, header))) for name, header in headers.items()},
         separator=separator,
         source="the text itself",
+        notes=(note,) if note else (),
     )
 
 
-def find_stated_dialect(head: Sequence[str]) -> tuple[Dialect | None, str]:
-    """The dialect that the first lines of a text show, if any, and a note or ""."""
+def find_stated_dialect(head: Sequence[str]) -> Dialect | None:
+    """The dialect that the first lines of a text show, if any."""
     if any(line.startswith("$COL,") for line in head):
-        return _make(find_stated_columns(head)), ""
+        return _make(find_stated_columns(head))
     rows = [line for line in head if holds_values(line)]
-    if commented := _find_commented(head, rows):
-        return commented, ""
-    return _find_named(rows)
+    return _find_commented(head, rows) or _find_named(rows)
 
 
 def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
@@ -166,7 +168,7 @@ def _find_commented(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
     return None
 
 
-def _find_named(rows: Sequence[str]) -> tuple[Dialect | None, str]:
+def _find_named(rows: Sequence[str]) -> Dialect | None:
     """Those that are named for sensors, without a header."""
     for separator, at in ((s, at) for s in (";", ",", "\t", None) for at in (0, 1)):
         kinds: dict[str, list[list[str]]] = defaultdict(list)
@@ -183,8 +185,8 @@ def _find_named(rows: Sequence[str]) -> tuple[Dialect | None, str]:
         if field is not None:
             words = ", ".join(name for name in named[field] if name)
             note = f"there is no header: rows of {', '.join(named)} are taken as {words}"
-            return _make(named, at, separator), note
-    return None, ""
+            return _make(named, at, separator, note)
+    return None
 
 
 def _name_cells(kind: str, rows: Sequence[Sequence[str]]) -> list[str]:

@@ -8,14 +8,14 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from agonic.logs.formats import decode_marked, is_wide
+from agonic.logs.formats import HEAD_BYTES, decode_marked, is_wide
 from agonic.logs.log import TORN
 
 Text = bytes | mmap.mmap
 """A text as it lies in memory, or in a file that is mapped."""
 
-_HEAD = 262_144
 _LONG = 1_000_000
+_HEAD = 4 * HEAD_BYTES
 _ENCODINGS = {
     "latin-1": "Latin-1",
     "cp1251": "Windows-1251",
@@ -23,9 +23,6 @@ _ENCODINGS = {
     "cp932": "Shift JIS",
     "cp949": "EUC-KR",
 }
-_TAIL = 10_000
-"""Bytes before the last line that show how long its numbers should be."""
-_FEWEST = 3
 _DIGITS = re.compile(rb"[-+]?[\d.]+(?:[eE][-+]?\d*)?")
 _MINUS = "\u2212".encode()
 _CONTROL = bytes({*range(32), 127} - set(b"\t\n"))
@@ -76,14 +73,14 @@ def _find_torn(data: bytes) -> int:
     text where there is none."""
     start = data.rfind(b"\n") + 1
     last = data[start:].strip()
-    before = [line.strip() for line in data[max(start - _TAIL, 0) : start].split(b"\n")]
+    before = [line.strip() for line in data[max(start - 10_000, 0) : start].split(b"\n")]
     shape = _DIGITS.sub(b"#", last)
     shapes = [_DIGITS.sub(b"#", line) for line in before]
     usual, times = Counter(shapes).most_common(1)[0]
-    if shape and times >= _FEWEST and usual != shape and usual.startswith(shape):
+    if shape and times > 2 and usual != shape and usual.startswith(shape):
         return start
     alike = (line for line, one in zip(before, shapes, strict=True) if one == shape)
     lengths = [len(found[-1]) for line in alike if (found := _DIGITS.findall(line))]
     digits = _DIGITS.findall(last)
-    torn = len(lengths) >= _FEWEST and bool(digits) and last.endswith(digits[-1])
+    torn = len(lengths) > 2 and bool(digits) and last.endswith(digits[-1])
     return start if torn and len(digits[-1]) < min(lengths) else len(data)

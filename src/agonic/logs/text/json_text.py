@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
+from agonic.logs.contents import DEEPEST, MOST_BYTES
 from agonic.logs.formats import decode_marked
 from agonic.logs.headers.column_names import number_columns, rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
@@ -27,14 +28,12 @@ from agonic.logs.text.long_table import build_tables_log, name_label
 from agonic.provenance import Input
 
 TEXTUAL = ("time", "date", "sensor", "frame", "unit", "target")
-_DEEPEST = 6
 _NO_NUMBER = re.compile(rb"(?<=[\[:,\s])[-+]?(?:NaN|nan|Infinity|inf)(?=\s*[,\]}])")
 """What Python's own writer puts for numbers that are none."""
 _PRINTED = re.compile(rb"\s*[\[(]?\s*\{\s*'")
 _CALL = re.compile(rb"[a-z][\w.]*\(([^()]*)\)")  # array([1.0, 2.0]), np.float64(3.0)
 _FROM_PYTHON = bytes.maketrans(b"'()", b'"[]')
 """How Python prints what JSON writes otherwise: {'mag': (1.0, 2.0, 3.0)}."""
-_LARGEST = 1_000_000_000
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -92,7 +91,7 @@ def make_table(records: list[dict[str, Any]]) -> tuple[dict[str, NDArray[Any]], 
 
 def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
     """The objects in a text, and how many of its lines are none."""
-    if path.stat().st_size > _LARGEST:
+    if path.stat().st_size > 2 * MOST_BYTES:
         raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
     data = decode_marked(path.read_bytes())
     if _PRINTED.match(data):
@@ -104,7 +103,7 @@ def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
             continue
         except RecursionError:
             raise LogError("nested too deeply for a log") from None
-    return _load_lines(_NO_NUMBER.sub(b"null", data))
+    return _load_lines(text)
 
 
 def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
@@ -122,7 +121,6 @@ def _load_lines(data: bytes) -> tuple[list[dict[str, Any]], int]:
 
 
 _BRACKET = re.compile(rb'"(?:[^"\\]|\\.)*"|[\[\]{}]')
-_CLOSING = {b"[": b"]", b"{": b"}"}
 
 
 def _close_brackets(data: bytes) -> bytes:
@@ -130,8 +128,8 @@ def _close_brackets(data: bytes) -> bytes:
     opened: list[bytes] = []
     whole, left = 0, b""
     for match in _BRACKET.finditer(data):
-        if match[0] in _CLOSING:
-            opened.append(_CLOSING[match[0]])
+        if match[0] in b"[{":
+            opened.append(b"]" if match[0] == b"[" else b"}")
         elif len(match[0]) == 1:
             if not opened or opened.pop() != match[0]:
                 return b""
@@ -164,10 +162,8 @@ def _are_objects(values: list[Any]) -> bool:
 def _load_line(line: bytes) -> Any:
     """The value in a line; also where a program in Python has printed it, with single quotes."""
     for text in (line, line.replace(b"'", b'"').replace(b"None", b"null")):
-        try:
+        with suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return msgspec.json.decode(text)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            continue
     return None
 
 
@@ -175,7 +171,7 @@ def _find_records(whole: Any, depth: int = 0) -> list[dict[str, Any]]:
     """The list of objects that a value is, or the longest one in it; lists by name as objects."""
     if isinstance(whole, list):
         return [one for one in whole if isinstance(one, dict)] or _name_rows(whole, None)
-    if not isinstance(whole, dict) or depth > _DEEPEST:
+    if not isinstance(whole, dict) or depth > DEEPEST:
         raise LogError("this JSON holds no list of objects and no lists of numbers")
     if isinstance(names := whole.get("columns"), list) and isinstance(whole.get("data"), list):
         return _name_rows(whole["data"], [str(name) for name in names])
@@ -217,17 +213,12 @@ def _read_columns(whole: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _make_columns(records: list[dict[str, Any]]) -> dict[str, list[Any]]:
     """Lists of one length by name; `None` where a record lacks it."""
-    columns: dict[str, list[Any]] = {}
     rows = [one for record in records for one in _unpack(record)]
-    for row, record in enumerate(rows):
-        for name, value in record.items():
-            column = columns.setdefault(name, [])
-            column.extend([None] * (row - len(column)))
-            column.append(value)
-        refuse_many(len(columns), "names")
-    for column in columns.values():
-        column.extend([None] * (len(rows) - len(column)))
-    return columns
+    names: dict[str, None] = {}
+    for row in rows:
+        names |= dict.fromkeys(row)
+        refuse_many(len(names), "names")
+    return {name: [row.get(name) for row in rows] for name in names}
 
 
 def _unpack(record: dict[str, Any]) -> list[dict[str, Any]]:
@@ -252,7 +243,7 @@ def _flatten(
     for key, value in record.items():
         if not isinstance(value, dict):
             yield f"{before}{key}", value
-        elif depth < _DEEPEST:
+        elif depth < DEEPEST:
             yield from _flatten(value, f"{before}{key}.", depth + 1)
 
 
@@ -275,7 +266,6 @@ def to_column(column: list[Any], *, textual: bool) -> NDArray[Any]:
 
 
 def _number(value: Any) -> float:
-    try:
+    with suppress(OverflowError, ValueError):
         return float(value) if isinstance(value, int | float | str) else np.nan
-    except (OverflowError, ValueError):
-        return np.nan
+    return np.nan

@@ -1,12 +1,9 @@
 """Lines that name each of their numbers, as sketches print them: `mx: 12.5, my=-3, mz: 44 uT`.
 
 A name may stand before three numbers (`Mag (uT) [1, 2, 3]`), or before axes that are named alone
-(`Mag X: 1 Y: 2 Z: 3`, `Mag: X=1 Y=2 Z=3`). A record may take several lines, until a name comes
-again. A unit behind a number is that of the numbers before it in its line, and what a logger writes
-before a line is its time.
-
-So do messages as `rostopic echo` and `ros2 topic echo` print them: YAML, with `---` between them. A
-message that is cut off by the next one is kept as far as it goes.
+(`Mag X: 1 Y: 2 Z: 3`). A record may take several lines, until a name comes again. A unit behind a
+number is that of the numbers before it in its line, and what a logger writes before a line is its
+time. So do messages as `rostopic echo` prints them: YAML, with `---` between them.
 """
 
 from __future__ import annotations
@@ -21,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.logs.contents import DEEPEST
 from agonic.logs.headers.columns import find_quantities
 from agonic.logs.headers.header import identify_column, is_unit
 from agonic.logs.headers.quantities import FALLBACK
@@ -30,7 +28,6 @@ from agonic.logs.text.layout import NUMBER, SAMPLE, STAMP
 _LINE = re.compile(r"(?P<indent> *)(?P<key>[^\W\d]\w*):(?: +(?P<value>.*))?")
 _ITEM = re.compile(r" *- ?.*")
 _BETWEEN = ("---", "...")
-_MOST_WITHIN = 8
 
 
 def is_echo(rows: Sequence[str]) -> bool:
@@ -59,7 +56,7 @@ def read_echo(rows: Iterable[str]) -> Iterator[dict[str, object]]:
             within.pop()
         value = (line["value"] or "").strip()
         if not value:
-            within = [*within, (indent, line["key"])][:_MOST_WITHIN]
+            within = [*within, (indent, line["key"])][:DEEPEST]
             continue
         name = ".".join([*(key for _, key in within), line["key"]])
         message[name] = (
@@ -88,9 +85,6 @@ _STAMPS = {
 """What loggers write before a line, by what it is: the Arduino's monitor and Python's logging, the
 kernel and ROS, ESP-IDF."""
 _AXIS = re.compile(r"(.*?)[\s_.]*([xyz])(?:[\s_-]?axis|(?<![^\W_].)\d)?", re.IGNORECASE)
-_COUNTS = ("", "counts", "count", "raw", "lsb")
-_LONGEST = 4000
-"""Letters of a line; a longer one is damage."""
 
 
 class Reading(NamedTuple):
@@ -113,16 +107,15 @@ def is_labelled(rows: Sequence[str]) -> bool:
 class Scanner:
     """Takes lines apart one after the other, and keeps the name that axes alone belong to."""
 
-    def __init__(self) -> None:
-        self._title = ""
-        self._group = ""
+    _title = _group = _unit = ""
 
     def scan(self, line: str) -> list[Reading]:
         """The numbers of a line with their names; a name with two numbers behind it has none."""
         found: list[Reading] = []
         titled = ""
-        labels = list(_LABEL.finditer(line[:_LONGEST]))
-        ends = [*(label.start() for label in labels[1:]), min(len(line), _LONGEST)]
+        line = line[:4000]  # a longer one is damage
+        labels = list(_LABEL.finditer(line))
+        ends = [*(label.start() for label in labels[1:]), len(line)]
         for label, end in zip(labels, ends, strict=False):
             name = label[1].strip()
             first, _, rest = label[1].partition(" ")
@@ -145,12 +138,9 @@ class Scanner:
         """Keep a name without a number, where it is that of a sensor, or comes after one."""
         column = identify_column(f"{name} x")
         if column is not None and column.rank != FALLBACK and column.axis:
-            self._title, self._group = name, ""
-            self._unit = unit
+            self._title, self._group, self._unit = name, "", unit
         elif self._title:  # Orient: below Mag: is another sensor's
             self._title, self._group, self._unit = name, "", ""
-
-    _unit = ""
 
     def _name(self, name: str, unit: str, numbers: Sequence[str]) -> Iterator[Reading]:
         if len(numbers) == 3:
@@ -233,13 +223,15 @@ def _find_unscaled(lines: Sequence[Sequence[Reading]]) -> set[tuple[str, str]]:
         for one in line:
             sizes.setdefault((one.name, one.unit), []).append(abs(float(one.number)))
     usual = {named: median(values) for named, values in sizes.items()}
+
+    def is_count(unit: str) -> bool:
+        return unit.lower() in ("", "counts", "count", "raw", "lsb")
+
     found = set()
     for (name, unit), size in usual.items():
-        scaled = [
-            usual[of, other] for of, other in usual if of == name and other.lower() not in _COUNTS
-        ]
+        scaled = [usual[of, other] for of, other in usual if of == name and not is_count(other)]
         apart = unit != "" or all(not other / 2 < size < 2 * other for other in scaled)
-        if unit.lower() in _COUNTS and scaled and apart:
+        if is_count(unit) and scaled and apart:
             found.add((name, unit))
     return found
 

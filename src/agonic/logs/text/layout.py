@@ -48,7 +48,6 @@ LABVIEW = "LabVIEW Measurement"
 SAMPLE = 200
 LONGEST_LINE = 1_000_000
 
-_HOLDS = re.compile(r"\w")
 _RATE = re.compile(
     r"[\W_]*(?:fs|odr|(?:sampl\w*|update|output|data|logging)?[\s_-]*(?:rate|freq\w*)"
     r"(?:\s*setting)?)\W*(?:\[?hz\]?\W*)?(\d+(?:[.,]\d+)?)\s*(k?hz)?[\W_]*",
@@ -61,8 +60,6 @@ _NUMBERS = re.compile(
     r"[-+]?[\d.,]+(?:e[-+]?\d+)?(?:\s+[-+]?[\d.,]+(?:e[-+]?\d+)?)+", re.IGNORECASE
 )
 """Several numbers in a cell: what stands between the cells is blanks."""
-_BRACKETS = str.maketrans("", "", "()[]{}")
-_SEPARATED = re.compile(r"sep=(.)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +93,8 @@ def holds_values(line: str) -> bool:
 
 def sample_lines(lines: Sequence[str]) -> list[int]:
     """The first lines with values in them; those of nothing but separators have none."""
-    return list(
-        islice((i for i, line in enumerate(lines) if holds_values(line) and _HOLDS.search(line)),
-               SAMPLE)
-    )  # fmt: skip
+    written = (i for i, line in enumerate(lines) if holds_values(line) and re.search(r"\w", line))
+    return list(islice(written, SAMPLE))
 
 
 def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
@@ -147,10 +142,6 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
     )  # fmt: skip
 
 
-_MOMENT = ((1900, 2100), (1, 13), (1, 32), (0, 25), (0, 60), (0, 61))
-"""What a year, a month, a day, an hour, a minute and a second can be."""
-_STEPS = 20
-"""So many steady steps are those of a clock: what is measured goes up and down."""
 _TIMED = ["time", *"xyz"]
 _TIMED_NOTE = (
     "there is no header: the first column grows steadily and is taken as the time, the others as "
@@ -196,7 +187,7 @@ def _name_first(rows: Sequence[Sequence[str]]) -> str:
     row, a count of rows by steps of one; "" where it may be anything."""
     values = [to_number(row[0]) for row in rows if len(row) == len(rows[0])]
     steps = sorted(after - before for before, after in pairwise(values))
-    if len(steps) < _STEPS or not steps[0] > 0:
+    if len(steps) < 20 or not steps[0] > 0:  # what is measured goes up and down
         return ""
     if _counts_rows(rows):
         return "row"
@@ -213,7 +204,8 @@ def _counts_rows(rows: Sequence[Sequence[str]]) -> bool:
 
 def _example_of(width: int, first: Sequence[str]) -> str:
     """What to write of a table of so many columns, and with such a first row."""
-    parts = zip([to_number(cell) for cell in first[:6]], _MOMENT, strict=False)
+    ends = zip((1900, 1, 1, 0, 0, 0), (2100, 13, 32, 25, 60, 61), strict=True)
+    parts = zip(map(to_number, first), ends, strict=False)
     if width > 8 and all(low <= part < end for part, (low, end) in parts):
         return "year=1,month=2,day=3,hour=4,minute=5,second=6,x=7,y=8,z=9"
     known = {4: "time=1,x=2,y=3,z=4", 9: "acc_x_g=1,acc_y_g=2,acc_z_g=3,x=7,y=8,z=9"}
@@ -277,13 +269,13 @@ def _are_units(units: Sequence[str], header: Sequence[str]) -> bool:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    plain = unit.translate(_BRACKETS).strip()
+    plain = re.sub(r"[()\[\]{}]", "", unit).strip()
     return f"{name} ({plain})" if plain else name
 
 
 def _find_separator(rows: Sequence[str]) -> str | None:
     """The separator that splits most rows alike, best one that splits the first row so too."""
-    if stated := _SEPARATED.fullmatch(rows[0].strip(' "')):
+    if stated := re.fullmatch("(?i:sep)=(.)", rows[0].strip(' "')):
         return str(stated[1])
     alike = []
     for separator in (";", "\t", ",", "|"):

@@ -1,10 +1,5 @@
-"""Long tables: each row is of the sensor that a column names, and x, y and z are what that reads;
-or of the one channel that a column names.
-
-time,sensor,x,y,z                     time,channel,value,unit
-0.00,accelerometer,0.1,0.2,9.8        0.00,mag_x,33.9,uT
-0.00,magnetometer,20.1,-3.2,43.0      0.00,mag_y,-6.9,uT
-"""
+"""Long tables: each row is of the sensor that a column names (`time,sensor,x,y,z`), and x, y and z
+are what that reads; or of the one channel that a column names (`time,channel,value,unit`)."""
 
 from __future__ import annotations
 
@@ -15,22 +10,19 @@ from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
-from agonic.logs.contents import to_number
+from agonic.logs.contents import MOST_PARTS, to_number
 from agonic.logs.groups import INERTIAL, build_groups_log
-from agonic.logs.headers.columns import find_quantities, identify_columns
-from agonic.logs.headers.conventions import find_named_quantity
+from agonic.logs.headers.columns import find_named_quantity, find_quantities, identify_columns
 from agonic.logs.headers.header import identify_column
 from agonic.logs.headers.quantities import FALLBACK
 from agonic.logs.log import Facts, Log, Table
 from agonic.logs.table import build_log
 
 LABEL = "sensor"
-_MOST = 64
 
 
 def build_tables_log(table: Table, **facts: Unpack[Facts]) -> Log:
-    """The log that a table is, those of its sensors apart where it is a long one. The rest as for
-    `build_log`."""
+    """The log that a table is, those of its sensors apart where it is a long one."""
     parts = split_by_sensor(table)
     if parts is None:
         return build_log(table, **facts)
@@ -47,7 +39,7 @@ def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[st
         if identify_column(name) is not None:
             continue
         cells = {row[at].strip() for row in rows if at < len(row)}
-        if len(cells) > _MOST or not any(cell[:1].isalpha() for cell in cells):
+        if len(cells) > MOST_PARTS or not any(cell[:1].isalpha() for cell in cells):
             continue
         named = {find_named_quantity(cell) for cell in cells if cell}
         if "field" in named and named & INERTIAL.keys():
@@ -64,7 +56,9 @@ def split_by_sensor(table: Table) -> dict[str, Table] | None:
     if label is None or set(bare) != set("xyz"):
         return None
     names = np.array([str(name).strip() for name in table[label.header]])
-    quantities = {name: find_named_quantity(name) for name in np.unique(names)[:_MOST].tolist()}
+    quantities = {
+        name: find_named_quantity(name) for name in np.unique(names)[:MOST_PARTS].tolist()
+    }
     if "field" not in quantities.values() or len(set(quantities.values())) < 2:
         return None
     axes = {column.header: axis for axis, column in bare.items()}
@@ -98,7 +92,7 @@ def find_channels(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Chann
         return None
     for at in free:
         cells = {row[at] for row in rows if at < len(row)}
-        if not 3 <= len(cells) <= _MOST or not any(cell[:1].isalpha() for cell in cells):
+        if not 3 <= len(cells) <= MOST_PARTS or not any(cell[:1].isalpha() for cell in cells):
             continue
         named = [column for cell in cells if (column := identify_column(cell)) is not None]
         axes = {c.axis for c in named if c.quantity.column == "field" and c.rank != FALLBACK}

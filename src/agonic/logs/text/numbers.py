@@ -1,14 +1,14 @@
 """The numbers in the rows of a text table, at the speed of a parser in C.
 
-Clean rows go through pyarrow where it is installed and worth its import, else through NumPy. What
-neither understands is read cell by cell, one block of rows at a time, so that one bad cell does not
-make a long file slow; a cell that is no number becomes NaN.
-Registers are printed as hexadecimal digits: `0xFFB0`, or `FFB0` of a fixed width.
+Clean rows go through pyarrow where it is installed and worth its import, else through NumPy; what
+neither understands is read cell by cell, one block of rows at a time. A cell that is no number
+becomes NaN. Registers are printed as hexadecimal digits: `0xFFB0`, or `FFB0` of a fixed width.
 """
 
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -24,8 +24,6 @@ from agonic.logs.text.encoding import Text
 from agonic.logs.text.layout import HEXADECIMAL, NUMBER, Layout, holds_values
 
 _BARE = re.compile(r"[0-9a-fA-F]{4}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}")
-_LETTER = re.compile(r"[a-fA-F]")
-_BITS = (8, 16, 24, 32, 64)
 
 
 def find_hexadecimal(rows: Sequence[Sequence[str]], columns: Mapping[int, str]) -> list[int]:
@@ -41,7 +39,9 @@ def find_hexadecimal(rows: Sequence[Sequence[str]], columns: Mapping[int, str]) 
         for at, column in cells.items()
         if _most(_BARE.fullmatch(cell) and len(cell) == widths[at] for cell in column)
     }
-    lettered = {of for at, of in bare.items() if any(map(_LETTER.search, cells[at]))}
+    lettered = {
+        of for at, of in bare.items() if any(re.search("[a-fA-F]", cell) for cell in cells[at])
+    }
     return sorted({*stated, *(at for at, of in bare.items() if of in lettered)})
 
 
@@ -57,16 +57,14 @@ def read_hexadecimal(cells: Sequence[str]) -> tuple[Array, str]:
     found = [HEXADECIMAL.fullmatch(cell) or _BARE.fullmatch(cell) for cell in cells]
     digits = [one[0].lower().removeprefix("0x") if one else "" for one in found]
     values = np.array([int(text, 16) if text else np.nan for text in digits], dtype=np.float64)
-    bits = next(bits for bits in _BITS if bits >= 4 * max(map(len, digits), default=0))
+    bits = next(
+        bits for bits in (8, 16, 24, 32, 64) if bits >= 4 * max(map(len, digits), default=0)
+    )
     signed = np.where(values >= 2.0 ** (bits - 1), values - 2.0**bits, values)
-    if _measure_steps(signed) < _measure_steps(values):
+    steps = (np.nansum(np.abs(np.diff(v[np.isfinite(v)]))) for v in (signed, values))
+    if operator.lt(*steps):
         return signed, f"signed, of {bits} bits"
     return values, "unsigned"
-
-
-def _measure_steps(values: NDArray[np.float64]) -> float:
-    """The sum of the steps from each value to the next."""
-    return float(np.abs(np.diff(values[np.isfinite(values)])).sum())
 
 
 _GROUPED = re.compile(r"[-+]?\d{1,3}(?:([,\s'’])\d{3})(?:\1\d{3})*(?:\.\d*)?")

@@ -2,10 +2,8 @@
 
 VectorNav sends its uncorrected readings as `$VNIMU`; what its other sentences hold is corrected.
 A sentence of another maker whose name ends in MAG holds x, y, z in raw units first; transducers
-(XDR) are taken by the names in them. Of what others tell stand beside: GGA, RMC and ZDA (moments,
-places), HDT and THS (true heading, but those of a magnetic compass, talker HC), PASHR (heading,
-roll, pitch). Headings of HDG, HDM and VHW follow a compass and are left. Source: VectorNav, VN-100
-Interface Control Document, ASCII messages; NMEA 0183, version 4.11; NovAtel, OEM7 manual (PASHR).
+(XDR) are taken by the names in them. What others tell beside is in the table of dialects. Headings
+of HDG, HDM and VHW follow a compass and are left.
 """
 
 from __future__ import annotations
@@ -13,6 +11,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import reduce
@@ -25,27 +24,20 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
+from agonic.logs.headers.columns import read_dialects
 from agonic.logs.headers.header import identify_column, name_quantity
 from agonic.logs.log import Facts, Log
-from agonic.logs.rows.auxiliary import PERIODS_DEG
-from agonic.logs.rows.resample import resample
+from agonic.logs.rows.auxiliary import PERIODS_DEG, resample
 from agonic.logs.table import build_log
 from agonic.logs.text.dialects import find_group, mark_corrected
 from agonic.logs.text.layout import Table
 from agonic.units import DAY_S
 
+_KNOWN = read_dialects()["groups"]["sentences"]
 _TAKEN = ("roll_deg", "pitch_deg", "temperature")
 """What transducers tell beside a field."""
-_XDR_UNITS = {("A", "D"): "deg", ("C", "C"): "C", ("C", "K"): "K"}
-"""Units of the transducers, by their type and the letter in the sentence."""
-_CLOCK = re.compile(r"(\d\d)(\d\d)(\d\d(?:\.\d*)?)")
-_FEWEST = 2
-_REACH = 2.0
-"""Usual distances between two sentences of a kind that one may be from a field."""
 ALONE = "MAG"
 """What a sentence of three numbers without a name is taken for."""
-_CH_ROBOTICS = {"0": "PCHRSGYR", "1": "PCHRSACC", "2": "PCHRSMAG"}
-"""The sensors of $PCHRS,sensor,time,x,y,z, whose time comes behind the axes then."""
 _SENTENCE = re.compile(
     r"(?P<before>[^$]*)[$!](?P<body>(?:[A-Z]{3,},|(?=-?[\d.]+,))[^*]*)(?:\*(?P<sum>\S{2}))?"
 )
@@ -71,7 +63,7 @@ def read_transducers(sentences: Sequence[Sentence]) -> dict[str, Series]:
         if not name.endswith("XDR"):
             continue
         for kind, value, unit, named in zip(*(cells[k::4] for k in range(4)), strict=False):
-            known = _XDR_UNITS.get((kind, unit))
+            known = _KNOWN["transducers"].get(f"{kind} {unit}")
             header = f"{named} ({known})" if known else named
             if not rounds or header in rounds[-1][1]:
                 rounds.append((line, {}))
@@ -86,10 +78,15 @@ def read_transducers(sentences: Sequence[Sentence]) -> dict[str, Series]:
 def read_beside(sentences: Sequence[Sentence]) -> dict[str, Series]:
     """Columns of canonical names that the sentences tell, at the lines where they do."""
     found: dict[str, list[tuple[float, float]]] = {}
-    for line, name, cells, _ in sentences:
-        for header, value in _read_one(name, cells).items():
+    for sentence in sentences:
+        for header, written in _match("beside", sentence).items():
+            number, _, side = written.partition(",")
+            value = to_number(number)
+            if side:  # ddmm.mmm, and the hemisphere
+                value = np.floor(value / 100) + value % 100 / 60
             if np.isfinite(value):
-                found.setdefault(header, []).append((line, value))
+                value = -value if side in ("S", "W") else value
+                found.setdefault(header, []).append((sentence.line, value))
     arrays = {header: np.array(pairs, dtype=np.float64).T for header, pairs in found.items()}
     columns: dict[str, Series] = {header: (lines, v) for header, (lines, v) in arrays.items()}
     for header, series in read_transducers(sentences).items():
@@ -98,87 +95,51 @@ def read_beside(sentences: Sequence[Sentence]) -> dict[str, Series]:
     return columns
 
 
+def _match(rows: str, sentence: Sentence) -> dict[str, str]:
+    """What a sentence tells by the rows of the table of dialects; a compass is not asked."""
+    kind = sentence.name if sentence.name in _KNOWN[rows] else sentence.name[-3:]
+    known = kind in _KNOWN[rows] and not sentence.name.startswith("HC")
+    match = re.match(_KNOWN[rows][kind], ",".join(sentence.cells)) if known else None
+    return match.groupdict("") if match else {}
+
+
 def read_clock(sentences: Sequence[Sentence]) -> Series | None:
     """Lines, and the Unix seconds at them, or without a date those of the day. `None` where nothing
     tells them."""
-    lines: list[int] = []
-    of_day: list[float] = []
-    dates: list[tuple[int, float]] = []
-    for line, name, cells, _ in sentences:
-        clocked = name[-3:] in ("GGA", "RMC", "ZDA") and cells
-        match = _CLOCK.fullmatch(cells[0]) if clocked else None
-        if match is None:
-            continue
-        second = 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3])
-        lines.append(line)
-        of_day.append(second)
-        midnight = _read_midnight(name[-3:], cells)
-        if midnight is not None:
-            dates.append((len(lines) - 1, midnight + second))
-    if len(lines) < _FEWEST:
+    told = [(one.line, parts) for one in sentences if (parts := _match("clock", one))]
+    if len(told) < 2:
         return None
-    seconds = np.unwrap(of_day, period=DAY_S)
+    hour, minute, second = (
+        np.array([float(parts[name]) for _, parts in told]) for name in ("hour", "minute", "second")
+    )
+    seconds = np.unwrap(3600.0 * hour + 60.0 * minute + second, period=DAY_S)
+    starts = []
+    for of_day, (_, parts) in zip(seconds, told, strict=True):
+        if parts.get("day"):
+            day, month, year = (int(parts[name]) for name in ("day", "month", "year"))
+            year += 0 if year > 99 else 2000 if year < 69 else 1900
+            with suppress(ValueError):
+                date = datetime(year, month, day, tzinfo=UTC)
+                starts.append(date.timestamp() - np.floor(of_day / DAY_S) * DAY_S)
     first = np.append(True, np.diff(seconds) > 0)
-    start = float(np.median([unix - seconds[at] for at, unix in dates])) if dates else 0.0
-    return np.array(lines)[first].astype(np.float64), seconds[first] + start
+    lines = np.array([line for line, _ in told], dtype=np.float64)
+    return lines[first], seconds[first] + (np.median(starts) if starts else 0.0)
 
 
 def carry(series: Mapping[str, Series], lines: Array) -> dict[str, Array]:
-    """The columns at other lines, interpolated between those where they were told; NaN in holes."""
+    """The columns at other lines, interpolated between those where they were told; NaN farther from
+    one than twice their usual distance."""
     carried = {}
     for header, (at, values) in series.items():
         period = PERIODS_DEG.get(header)
-        found = resample(at, values, lines, period=period) if len(at) >= _FEWEST else None
+        found = resample(at, values, lines, period=period) if len(at) > 1 else None
         if found is None:
             continue
         after = np.searchsorted(at, lines).clip(1, len(at) - 1)
         apart = np.minimum(np.abs(lines - at[after - 1]), np.abs(at[after] - lines))
-        found[apart > _REACH * np.median(np.diff(at))] = np.nan
+        found[apart > 2 * np.median(np.diff(at))] = np.nan
         carried[header] = found
     return carried
-
-
-def _read_midnight(kind: str, cells: Sequence[str]) -> float | None:
-    """Unix seconds at the beginning of the day that a sentence names."""
-    try:
-        if kind == "RMC":
-            date = datetime.strptime(cells[8], "%d%m%y")
-        elif kind == "ZDA":
-            date = datetime(int(cells[3]), int(cells[2]), int(cells[1]))
-        else:
-            return None
-    except (ValueError, IndexError):
-        return None
-    return date.replace(tzinfo=UTC).timestamp()
-
-
-def _read_one(name: str, cells: Sequence[str]) -> dict[str, float]:
-    """The columns that one sentence tells."""
-    kind, padded = name[-3:], [*cells, *[""] * 12]
-    if name == "PASHR":
-        names = ("heading_deg", "roll_deg", "pitch_deg", "heading_sd_deg")
-        values = (padded[1] if padded[2] == "T" else "", padded[3], padded[4], padded[8])
-        return dict(zip(names, map(to_number, values), strict=True))
-    if kind in ("HDT", "THS") and not name.startswith("HC"):
-        usable = padded[1] in (("T", "") if kind == "HDT" else ("A",))
-        return {"heading_deg": to_number(padded[0]) if usable else nan}
-    if kind == "GGA" and padded[5] not in ("", "0"):
-        return {**_read_place(padded[1:5]), "altitude_m": to_number(padded[8])}
-    if kind == "RMC" and padded[1] == "A":
-        return _read_place(padded[2:6])
-    return {}
-
-
-def _read_place(cells: Sequence[str]) -> dict[str, float]:
-    """Degrees of ddmm.mmm, N or S, dddmm.mmm, E or W."""
-    found = {}
-    for header, value, side in zip(
-        ("latitude_deg", "longitude_deg"), cells[::2], cells[1::2], strict=True
-    ):
-        number = to_number(value)
-        degrees = np.floor(number / 100) + number % 100 / 60
-        found[header] = -degrees if side in ("S", "W") else degrees
-    return found
 
 
 def compute_checksum(body: str) -> int:
@@ -229,7 +190,7 @@ def _scan(rows: Sequence[str]) -> tuple[list[Sentence], Counter[str], int, str]:
             wrong += 1
             continue
         if name == "PCHRS" and len(cells) > 4:  # of UM6 and UM7
-            name, cells = _CH_ROBOTICS.get(cells[0], name), [*cells[2:5], cells[1]]
+            name, cells = _KNOWN["sensors"].get(cells[0], name), [*cells[2:5], cells[1]]
         found.append(Sentence(number, name, cells, match["before"].strip(" ,;:\t->[]")))
     return found, seen, wrong, first
 

@@ -213,13 +213,15 @@ def _read_named(path: Path, unit: str | None) -> RecordedFile:
 
 def _read_table(path: Path, columnar: bool) -> tuple[Table, tuple[str, ...]]:
     """The wanted columns of a file, and notes."""
+    notes: tuple[str, ...] = ()
     if columnar:
-        table, facts = parquet.read_table(path)
+        table, _ = parquet.read_table(path)
     else:
         table, facts = csv_text.read_table(path)
+        notes = facts.get("notes", ())
     quantity = find_quantities(table)
     wanted = {header: values for header, values in table.items() if quantity[header] in WANTED}
-    return wanted, facts.get("notes", ())
+    return wanted, notes
 
 
 def _take_first(table: Table) -> NDArray[Any]:

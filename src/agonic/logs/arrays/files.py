@@ -1,8 +1,8 @@
-"""MATLAB files: version 5 to 7.2 with SciPy, version 7.3 with h5py, both in a child process.
+"""Files of arrays, read in a child process: MATLAB 5 to 7.2 with SciPy, 7.3 with h5py, NumPy.
 
-Variables, and fields of structures, are named as the columns of a table are; see `columns` and
-`stacked`. Recordings of the BROAD data set are known by their variables, see `broad`, and exports
-of ArduPilot logs by their labels, see `ardupilot.dataflash`.
+Variables, arrays, and fields of structures are named as the columns of a table are; see `columns`
+and `stacked`. Recordings of the BROAD data set are known by their variables, and exports of
+ArduPilot logs by their labels, see `ardupilot.dataflash`.
 """
 
 from __future__ import annotations
@@ -19,18 +19,26 @@ from agonic.errors import MissingExtraError
 from agonic.logs.ardupilot.dataflash import is_labelled, read_labelled
 from agonic.logs.arrays import stacked
 from agonic.logs.arrays.stacked import build_arrays_log, build_tables
-from agonic.logs.arrays.stored import read_version_5, read_version_7_3
+from agonic.logs.arrays.stored import DEEPEST, read_arrays, read_version_5, read_version_7_3
 from agonic.logs.child_process import call
 from agonic.logs.log import Facts, Log
 from agonic.logs.text.dialects import build_kinds_log, find_group
 from agonic.provenance import Input
 
-VERSION_7_3 = b"MATLAB 7.3 MAT-file"
-_DEEPEST = 4
+_VERSION_7_3 = b"MATLAB 7.3 MAT-file"
+_NUMPY = {b"\x93NUMPY": "NumPy array", b"PK\x03\x04": "NumPy archive"}
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a MATLAB file is; `unit` is that of the field where no variable names one."""
+    """The log that a file is; `unit` is that of the field where no variable names one."""
+    with path.open("rb") as stream:
+        head = stream.read(6)
+    if kind := next((kind for mark, kind in _NUMPY.items() if head.startswith(mark)), ""):
+        fields: dict[str, NDArray[Any]] = {}
+        for name, array in call(read_arrays, path).items():
+            parts = array.dtype.names or ()
+            fields |= {part: np.asarray(array[part]) for part in parts} if parts else {name: array}
+        return build_arrays_log(fields, path=path, source=source, format=kind, unit=unit)
     contents = _read_contents(path)
     if is_labelled(contents):
         return read_labelled(contents, path, source)
@@ -54,7 +62,7 @@ def read_tables(path: Path) -> list[dict[str, NDArray[Any]]]:
 def _read_contents(path: Path) -> dict[str, Any]:
     """The variables by name: arrays, texts, structures as mappings, cells as lists."""
     with path.open("rb") as stream:
-        hdf = stream.read(len(VERSION_7_3)) == VERSION_7_3
+        hdf = stream.read(len(_VERSION_7_3)) == _VERSION_7_3
     if hdf and find_spec("h5py") is None:
         raise MissingExtraError("reading a MATLAB 7.3 file", "space")
     contents: dict[str, Any] = call(read_version_7_3 if hdf else read_version_5, path)
@@ -83,7 +91,7 @@ def _flat(contents: Mapping[str, Any], depth: int = 0) -> dict[str, NDArray[Any]
     flat: dict[str, NDArray[Any]] = {}
     for name, value in contents.items():
         if isinstance(value, Mapping):
-            inner = _flat(value, depth + 1) if depth < _DEEPEST else {}
+            inner = _flat(value, depth + 1) if depth < DEEPEST else {}
             flat |= {f"{name}.{key}": array for key, array in inner.items()}
         elif not name.startswith("__"):
             array = np.asarray(value)
