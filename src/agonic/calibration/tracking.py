@@ -92,14 +92,15 @@ class TrackerParams:
                 least = "zero or more" if name in _NOT_NEGATIVE else "above zero"
                 raise AgonicError(f"{name} is {value}; it must be {least}")
 
-    def model(self, noise: float) -> Model:
-        """What the kernel takes; made once, not with every reading."""
-        made = self._made.get(noise)
+    def model(self, noise: float, jumps: bool = True) -> Model:
+        """What the kernel takes, to look for jumps or not; made once, not with every reading."""
+        made = self._made.get((noise, jumps))
         if made is None:
             names = set(Model._fields) & set(self.__dataclass_fields__)
             known = {name: getattr(self, name) for name in names}
-            external = {"noise": noise, "external_sd": self.external_sd or 0.0}
-            made = self._made[noise] = Model(**known | external)
+            known |= {"noise": noise, "external_sd": self.external_sd or 0.0}
+            made = Model(**known if jumps else known | {"jump_level": 0.0})
+            self._made[noise, jumps] = made
         return made
 
     def with_external(self, sd: float, time_s: float) -> TrackerParams:
@@ -111,7 +112,7 @@ class TrackerParams:
         return made
 
     @cached_property
-    def _made(self) -> dict[float, Model]:
+    def _made(self) -> dict[tuple[float, bool], Model]:
         return {}
 
     @cached_property

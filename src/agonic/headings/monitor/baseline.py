@@ -39,7 +39,8 @@ class State(NamedTuple):
 
     `residual` (…, k, 4, 3) and `regressor` (…, k, 4, 4) of the last k blocks, the latter zero where
     a group has none, and `filled` (…,) how many there are. `information` (…, 4, 4, 4) and `seen`
-    (…, 4, 4, 3) of the regressions. Sums of `square` (…, 4, 2) of window means and of `power`
+    (…, 4, 4, 3) of the regressions, and what they give, `covariance` (…, 4, 4, 4) and coefficients
+    `known` (…, 4, 4, 3). Sums of `square` (…, 4, 2) of window means and of `power`
     (…, 4, 2) of blocks, squares and products with the block before, over `weight` (…, 4). Of r and
     q, `since` (…, 2) blocks since a fault began, 0 without one, and the compass `named` (…, 2), 1
     or 2, 0 not yet. `level` (…, 3) part of the field at the end of the last block; `skipped` (…,)
@@ -51,6 +52,8 @@ class State(NamedTuple):
     filled: Index
     information: Array
     seen: Array
+    covariance: Array
+    known: Array
     square: Array
     power: Array
     weight: Array
@@ -70,6 +73,8 @@ def start(params: MonitorParams, shape: tuple[int, ...] = ()) -> State:
         filled=np.zeros(shape, dtype=np.intp),
         information=np.zeros((*shape, 4, 4, 4)),
         seen=np.zeros((*shape, 4, 4, 3)),
+        covariance=np.zeros((*shape, 4, 4, 4)) + _find_prior(params, 1.0),
+        known=np.zeros((*shape, 4, 4, 3)),
         square=pair.copy(),
         power=pair * [1.0, 0.0],
         weight=np.full((*shape, 4), float(NOISE_PRIOR)),
@@ -103,22 +108,22 @@ def describe(block: Block, before: Array, params: MonitorParams) -> tuple[Array,
     return residual, regressor
 
 
-def solve(state: State, params: MonitorParams) -> tuple[Array, Array]:
-    """Covariances (…, 4, 4, 4) and coefficients (…, 4, 4, 3) of the regressions.
+def _find_prior(params: MonitorParams, sign: float) -> Array:
+    """The covariance (4, 4, 4) of the regressions before any block, or for −1 its inverse."""
+    return np.asarray(np.eye(4) * (np.array(params.prior_sd) ** (2 * sign))[:, None, None])
+
+
+def learn(state: State, params: MonitorParams, rows: Mask) -> State:
+    """The regressions with the oldest block that is kept, where `rows` (…,) say so; iron that was
+    passed counts for no more than three standard deviations.
 
     Λ = Λ₀ + Σ λᵏ x xᵀ/σ²: what is forgotten falls back to the prior, so nothing winds up.
     """
-    prior = np.eye(4) / (np.array(params.prior_sd) ** 2)[:, None, None]
-    covariance = np.linalg.inv(state.information + prior)
-    return covariance, covariance @ state.seen
-
-
-def learn(state: State, known: Array, rows: Mask) -> State:
-    """The regressions, of coefficients `known`, with the oldest block that is kept, where `rows`
-    (…,) say so; iron that was passed counts for no more than three standard deviations."""
+    if not rows.any():
+        return state
     sd2 = LENGTHS[1] * state.square[..., 1] / state.weight  # of a block among lasting errors
     x, y = state.regressor[..., 0, :, :], state.residual[..., 0, :, :]
-    expected = np.einsum("...gi,...gid->...gd", x, known)
+    expected = np.einsum("...gi,...gid->...gd", x, state.known)
     error = y - expected
     most = QUIET * state.power[..., 0] / state.weight
     size = np.maximum(measure(error), 1e-30)
@@ -128,9 +133,11 @@ def learn(state: State, known: Array, rows: Mask) -> State:
     more = keep * state.information + weighted[..., :, None] * x[..., None, :]
     seen = keep * state.seen + weighted[..., :, None] * y[..., None, :]
     chosen = rows[..., None, None, None]
+    more = np.where(chosen, more, state.information)
+    seen = np.where(chosen, seen, state.seen)
+    covariance = np.asarray(np.linalg.inv(more + _find_prior(params, -1.0)), dtype=np.float64)
     return state._replace(
-        information=np.where(chosen, more, state.information),
-        seen=np.where(chosen, seen, state.seen),
+        information=more, seen=seen, covariance=covariance, known=np.asarray(covariance @ seen)
     )
 
 

@@ -30,7 +30,6 @@ from agonic.headings.monitor.baseline import (
     describe,
     learn,
     measure,
-    solve,
 )
 
 
@@ -55,20 +54,19 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
     them reach the threshold, and what was read in a field that both feel counts as no change.
     """
     residual, regressor = describe(block, state.level, params)
-    covariance, known = solve(state, params)
     # both magnetometers feel a field that is not the place's
     x = regressor[..., S, :]
-    off = block.strength - (x * known[..., S, :, 0]).sum(axis=-1)[..., None]
+    off = block.strength - (x * state.known[..., S, :, 0]).sum(axis=-1)[..., None]
     variance = state.power[..., S, 0] / state.weight[..., S]
-    variance = variance + np.einsum("...i,...ij,...j->...", x, covariance[..., S, :, :], x)
+    variance = variance + np.einsum("...i,...ij,...j->...", x, state.covariance[..., S, :, :], x)
     disturbed = np.asarray((off**2).min(axis=-1) > BOTH**2 * variance)
     sound = ~(disturbed[..., None] & np.array([True, False, True, True]))[..., None]
     calm = np.asarray(~(state.since > 0).any(axis=-1))
-    state = learn(state, known, calm & (state.filled == KEPT))
+    state = learn(state, params, calm & (state.filled == KEPT))
     state = _push(state, residual * sound, regressor * sound)
     state = state._replace(level=block.level, skipped=state.skipped + disturbed)
-    covariance, known = solve(state, params)
-    errors = state.residual - np.einsum("...kgi,...gid->...kgd", state.regressor, known)
+    covariance = state.covariance
+    errors = state.residual - np.einsum("...kgi,...gid->...kgd", state.regressor, state.known)
     means, own, share = _test(params, state, covariance, errors)
     state = _measure_noise(state, covariance, errors, means, own, calm)
     state, began, began_sd = _judge(state, errors, share)
@@ -76,7 +74,9 @@ def advance(params: MonitorParams, state: State, block: Block) -> tuple[State, S
     count = np.einsum("...gk,...kg->...g", within, state.regressor[..., :2, 0])
     change = np.einsum("...gk,...kgd->...gd", within, errors[..., :2, :])
     change = change / np.maximum(count, 1.0)[..., None]
-    odds = _weigh(params.field, state, covariance, errors, change, within)
+    odds = np.zeros(state.since.shape)
+    if state.since.any():
+        odds = _weigh(params.field, state, covariance, errors, change, within)
     sure = (np.abs(odds) >= np.log(ODDS)) & (state.since > 0) & (state.named == 0)
     named = np.where(sure, np.where(odds > 0, 1, 2), state.named)
     sd = np.sqrt(own[..., :2, 1])

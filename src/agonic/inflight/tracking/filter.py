@@ -115,6 +115,9 @@ def update(
     >>> bool(np.all(np.abs(state.bias - made.truth.bias) < 4 * state.bias_sd))
     True
     """
+    one = _read_one(state, time, raw, magnitude)
+    if one is not None:
+        return _take_one(state, params, one)
     rows = make_rows(state, time, raw, rate, magnitude)
     first = float(rows[0, 0])
     if first <= state.time or (len(rows) > 1 and (np.diff(rows[:, 0]) <= 0).any()):
@@ -125,15 +128,15 @@ def update(
     if state.n == 0:
         begin = _begin if state.turn is None else gyro.begin
         state = begin(state, state.settle_params(params), rows[0])
-    elif len(rows) == 1 and state.recent is not None and state.turn is None:
-        return _take_one(state, params, rows)
+    elif len(rows) == 1 and state.turn is None:
+        return _take_one(state, params, rows[0].tolist())
     before, done = state, 0
     moments: tuple[TrackerState, ...] = ()
     seen: list[kalman.Predictions] = []
     fast = kalman.is_worth_compiling(len(rows)) if compiled is None else compiled
     while done < len(rows):
         piece = rows[done : done + _length(state, params, rows[done:, 0])]
-        moments += _find_moment(state, params, piece)
+        moments += _find_moment(state, params, float(piece[0, 0]))
         if state.turn is None:
             state, predicted = _step(state, params, piece, fast)
         else:
@@ -157,30 +160,40 @@ def update(
 
 
 def _find_moment(
-    state: TrackerState, params: TrackerParams, rows: Array
+    state: TrackerState, params: TrackerParams, time: float
 ) -> tuple[TrackerState, ...]:
-    """The state, where a moment of the history comes before the rows."""
+    """The state, where a moment of the history comes before a reading's time."""
     last, every = state.time, params.history_s
-    due = every > 0 and isfinite(last) and float(rows[0, 0]) // every > last // every
-    return (state,) if due else ()
+    return (state,) if every > 0 and isfinite(last) and time // every > last // every else ()
+
+
+def _read_one(
+    state: TrackerState, time: ArrayLike, raw: ArrayLike, magnitude: ArrayLike
+) -> list[float] | None:
+    """The row of one reading that needs no further check; else `None`."""
+    if not isinstance(time, float) or not isinstance(magnitude, float):
+        return None
+    if state.n == 0 or state.estimate.beside_gyro:
+        return None
+    row = [float(time), *np.asarray(raw, dtype=np.float64).ravel().tolist(), float(magnitude), 1.0]
+    fits = len(row) == 6 and isfinite(sum(row)) and row[4] > 0.0
+    return row if fits and row[0] > state.estimate.time else None
 
 
 def _take_one(
-    state: TrackerState, params: TrackerParams, rows: Array
+    state: TrackerState, params: TrackerParams, row: list[float]
 ) -> tuple[TrackerState, Coefficients]:
-    """`update` of a state that has settled, by one reading (1, 6) and the magnitude."""
-    model = state.settle_params(params).model(state.noise)
-    estimate, seen, jumped = kalman.take_one(state.estimate, model, rows[0].tolist())
-    used = seen[2] > 0.0
-    after = _follow_up(state, params, estimate, rows, int(not used), jumped)
-    return after, Coefficients(
-        state=after,
-        residual=np.array(seen[:1]),
-        residual_sd=np.array(seen[1:2]),
-        used=np.array([used]),
-        jumps=after.jumps[len(state.jumps) :],
-        moments=_find_moment(state, params, rows),
-    )
+    """`update` by one reading and the magnitude, on lists alone."""
+    opening = state.opening
+    model = state.settle_params(params).model(state.noise, jumps=opening is None)
+    taken = row if opening is None or opening.learns else [*row[:5], 0.0]
+    estimate, seen, jumped = kalman.take_one(state.estimate, model, taken)
+    used = seen[2] > 0.0 if opening is None else abs(seen[0]) <= model.gate * seen[1]
+    after = _follow_up(state, params, estimate, np.array([row]), int(not used), jumped)
+    jumps = after.jumps[len(state.jumps) :]
+    residual, sd = np.array([[seen[0]], [seen[1]]])
+    moments = _find_moment(state, params, row[0])
+    return after, Coefficients(after, residual, sd, np.array([used]), jumps, moments)
 
 
 def _begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
@@ -233,7 +246,8 @@ def _step(
     state: TrackerState, params: TrackerParams, rows: Array, fast: bool
 ) -> tuple[TrackerState, kalman.Predictions]:
     """The state after a few readings, and what was predicted of them."""
-    opening, model = state.opening, state.settle_params(params).model(state.noise)
+    opening = state.opening
+    model = state.settle_params(params).model(state.noise, jumps=opening is None)
     if opening is None:
         estimate, seen, jumped = kalman.advance(state.estimate, model, rows, compiled=fast)
     else:
@@ -257,7 +271,14 @@ def _follow_up(
     opening, recent = state.opening, state.recent
     if opening is not None:
         outliers = None if opening.outliers is None else opening.outliers + refused
-        opening = replace(opening, rows=np.concatenate([opening.rows, taken]), outliers=outliers)
+        rows = np.concatenate([opening.rows, taken])
+        opening = Opening(
+            prior=opening.prior,
+            rows=rows,
+            before=opening.before,
+            outliers=outliers,
+            learns=opening.learns,
+        )
         refused = 0  # they are counted when the opening is closed
     elif recent is not None:
         rows, count = np.concatenate([recent.rows, taken]), len(recent.rows) + len(taken)

@@ -22,7 +22,7 @@ def settle_before_jump(state: TrackerState, params: TrackerParams, since: int) -
     shorter = replace(opening, rows=opening.rows[:-since], outliers=None)
     settled = openings.solve_opening(replace(state, opening=shorter), params)
     params = settled.settle_params(params)
-    model = params.model(settled.noise)._replace(jump_level=0.0)
+    model = params.model(settled.noise, jumps=False)
     estimate, seen, _ = kalman.advance(settled.estimate, model, rows)
     return replace(
         settled,
@@ -39,7 +39,7 @@ def reopen(state: TrackerState, params: TrackerParams) -> TrackerState:
     recent, given = state.recent, params
     assert recent is not None, "only a settled state sees jumps"
     params = state.settle_params(params)
-    model = params.model(state.noise)._replace(jump_level=0.0)
+    model = params.model(state.noise, jumps=False)
     _, seen, _ = kalman.advance(recent.before, model, recent.rows)
     first = _find_onset(state, params, model, seen)
     since = recent.rows[first:]

@@ -44,22 +44,21 @@ def compute_likelihoods(
     stirred = (1.0 - decay**2) * external**2
     walked = np.zeros((k, m))
     walked[:, 1:4], walked[:, 4:] = walk[:, None] ** 2, matrix_walk[:, None] ** 2
-    variances = covariance.reshape(k, -1)[:, :: m + 1]  # a view of the diagonals
-    moved, total = np.zeros((k, m)), np.zeros(k)
+    kept = np.concatenate([covariance, np.zeros((k, m, 1))], axis=2)  # beside it the state
+    variances = kept.reshape(k, -1)[:, :: m + 2]  # a view of the diagonals
+    known, away, variance = noise**2, np.empty_like(residual), np.empty_like(residual)
     for i, h in enumerate(jacobian):
-        moved[:, 0] *= decay[i]
-        covariance[:, 0] *= decay[i, :, None]
-        covariance[:, :, 0] *= decay[i, :, None]
+        kept[:, 0] *= decay[i, :, None]
+        kept[:, :, 0] *= decay[i, :, None]
         variances += elapsed[i] * walked
-        covariance[:, 0, 0] += stirred[i]
-        shared = covariance @ h
-        variance = shared @ h + noise[i] ** 2
-        away = residual[i] + moved @ h
-        total += np.log(variance) + away**2 / variance
-        gain = shared / variance[:, None]
-        moved -= gain * away[:, None]
-        covariance -= gain[:, :, None] * shared[:, None, :]
-    return -0.5 * total
+        variances[:, 0] += stirred[i]
+        shared = h @ kept
+        shared[:, m] += residual[i]
+        away[i] = shared[:, m]
+        variance[i] = shared[:, :m] @ h + known[i]
+        gain = shared[:, :m] / variance[i, :, None]
+        kept -= gain[:, :, None] * shared[:, None, :]
+    return np.asarray(-0.5 * (np.log(variance) + away**2 / variance).sum(axis=0))
 
 
 MEMORY_FROM = 192
@@ -85,7 +84,7 @@ def find_memory(
         return None
     step, gain = float(np.median(np.diff(rows[:, 0]))), float(np.mean(about[4:7]))
     rows = rows[-_LATEST:]
-    plain = model._replace(jump_level=0.0, gate=np.inf)
+    plain = model._replace(gate=np.inf)
     tried = [
         plain._replace(
             noise=total * float(np.sqrt(1 - share)),

@@ -109,9 +109,9 @@ def predict(
     """The estimate after rows that come before the next solution, and what it predicted of them.
 
     A wide estimate learns nothing from them: linearised at one reading after the other it would
-    take its own errors for knowledge, and state standard errors that are too small by far.
+    take its own errors for knowledge, and state standard errors that are too small by far. `model`
+    sees no jumps.
     """
-    model = model._replace(jump_level=0.0)
     taken = rows if learns else np.column_stack([rows[:, :5], np.zeros(len(rows))])
     later, seen, _ = kalman.advance(estimate, model, taken, compiled=compiled)
     return later, seen._replace(used=np.abs(seen.residual) <= model.gate * seen.sd)
@@ -127,7 +127,7 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     residuals, _ = map_estimate.linearise(rows, about)
     fits = np.abs(residuals) <= params.gate * max(total, robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], fits])
-    model = state.settle_params(given).model(noise)
+    model = state.settle_params(given).model(noise, jumps=False)
     if given.external_sd is None and len(rows) % map_estimate.MEMORY_FROM == 0:
         # each time they have doubled
         model = map_estimate.find_memory(prior, model, marked, about, total) or model
@@ -141,7 +141,7 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
             external_sd=model.external_sd,
             external_time_s=model.external_time_s,
         )
-    model = model._replace(jump_level=0.0, gate=np.inf)
+    model = model._replace(gate=np.inf)
     earlier = max(len(rows) - STRIDE, 0)
     before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
     estimate, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)

@@ -40,7 +40,7 @@ class Followed:
         return self.state.calibration
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Coefficients(Followed):
     """What an update found: bias and matrix now, and how well each reading had been predicted.
 

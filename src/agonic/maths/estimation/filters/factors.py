@@ -9,23 +9,32 @@ from __future__ import annotations
 from typing import Any
 
 
-def add_variance(i: int, variance: float, columns: Any, diagonal: Any, a: Any) -> None:
-    """A variance added to number i of the state (Agee and Turner 1972); `a` is room for ten."""
-    for j in range(i):
-        a[j] = 0.0
-    a[i] = 1.0
-    for k in range(i, -1, -1):
-        known, part = diagonal[k], a[k]
-        total = known + variance * part * part
-        if total > 0.0:
-            diagonal[k] = total
-            share = variance * part / total
-            column = columns[k]
-            for j in range(k):
-                entry = column[j]
-                rest = a[j] - part * entry
-                a[j], column[j] = rest, entry + share * rest
-            variance *= known / total
+def walk(
+    rate: float, elapsed: float, first: int, last: int, columns: Any, diagonal: Any, a: Any
+) -> None:
+    """Numbers from first to before last walk at random: the variance rate² elapsed is added to each
+    (Agee and Turner 1972)."""
+    added = rate * rate * elapsed
+    for i in range(first, last if added > 0.0 else first):
+        known, variance = diagonal[i], added
+        total = known + variance
+        diagonal[i], share = total, variance / total
+        column = columns[i]
+        for j in range(i):
+            entry = column[j]
+            a[j], column[j] = -entry, entry - share * entry
+        variance *= known / total
+        for k in range(i - 1, -1, -1):
+            known, part = diagonal[k], a[k]
+            total = known + variance * part * part
+            if total > 0.0:
+                diagonal[k], share = total, variance * part / total
+                column = columns[k]
+                for j in range(k):
+                    entry = column[j]
+                    rest = a[j] - part * entry
+                    a[j], column[j] = rest, entry + share * rest
+                variance *= known / total
 
 
 def predict(h: Any, noise: float, columns: Any, diagonal: Any, f: Any) -> float:

@@ -41,7 +41,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.maths.estimation.filters import factors, jump_test, motion, reading
+from agonic.maths.estimation.filters import factors, jump_test, motion, reading, states
 from agonic.maths.estimation.filters.states import FilterState, Model
 from agonic.maths.estimation.noise import running_batch_means
 
@@ -117,8 +117,8 @@ def take_one(
     """`advance` by one reading and the magnitude, on lists alone; of the reading a line as the
     table says."""
     x, columns, diagonal, watch = _copy_lists(before)
-    seen, room = [0.0] * before.table.seen, [[0.0] * len(x) for _ in range(3)]
-    _, jump = run([row], x, columns, diagonal, watch, model, x, False, None, [seen], room)
+    seen, room = [0.0] * states.BY_MAGNITUDE.seen, ([0.0] * 10, [0.0] * 10, [0.0] * 10)
+    _, jump = run((row,), x, columns, diagonal, watch, model, x, False, None, (seen,), room)
     batches = before.batches
     if seen[2] > 0.0:
         batches = running_batch_means.add_one(batches, seen[4:], seen[0] / seen[1])
@@ -127,9 +127,10 @@ def take_one(
 
 def _copy_lists(before: FilterState) -> tuple[Any, ...]:
     """Numbers, columns, scales and what is watched, to be worked on as lists."""
-    parts = [part.tolist() if isinstance(part, np.ndarray) else part.copy() for part in before[:4]]
-    parts[1] = [column.copy() for column in parts[1]]
-    return tuple(parts)
+    x, columns, diagonal, watch, _ = before
+    if isinstance(x, np.ndarray):
+        return x.tolist(), columns.tolist(), diagonal.tolist(), watch.tolist()
+    return x.copy(), [column.copy() for column in columns], diagonal.copy(), watch.copy()
 
 
 def _sum_batches(

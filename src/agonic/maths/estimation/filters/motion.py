@@ -28,8 +28,8 @@ def decay(elapsed: float, model: Any, x: Any, columns: Any, diagonal: Any, room:
             columns[j][0] *= kept
         kept *= kept
         diagonal[0] = kept * diagonal[0] + (1.0 - kept) * model.external_sd * model.external_sd
-    walk(model.walk, elapsed, 1, 4, columns, diagonal, room)
-    walk(model.matrix_walk, elapsed, 4, m, columns, diagonal, room)
+    factors.walk(model.walk, elapsed, 1, 4, columns, diagonal, room)
+    factors.walk(model.matrix_walk, elapsed, 4, m, columns, diagonal, room)
 
 
 def find_mean_rate(row: Any, elapsed: float, watch: Any, x: Any) -> tuple[float, float, float]:
@@ -115,9 +115,9 @@ def turn(
     bend = 2.0 * unseen * unseen * (hx * hx + hy * hy + hz * hz)  # of an arc beside its tangent
     field = model.field_walk * model.field_walk * elapsed + bend
     _triangulate(columns, diagonal, gyro, field, hx, hy, hz, room)
-    walk(model.walk, elapsed, 3, 6, columns, diagonal, room[0])
-    walk(model.gyro_walk, elapsed, 6, 9, columns, diagonal, room[0])
-    walk(model.matrix_walk, elapsed, 10, m, columns, diagonal, room[0])
+    factors.walk(model.walk, elapsed, 3, 6, columns, diagonal, room[0])
+    factors.walk(model.gyro_walk, elapsed, 6, 9, columns, diagonal, room[0])
+    factors.walk(model.matrix_walk, elapsed, 10, m, columns, diagonal, room[0])
 
 
 def _find_rotation(ax: float, ay: float, az: float, turned: Any) -> None:
@@ -136,15 +136,6 @@ def _find_rotation(ax: float, ay: float, az: float, turned: Any) -> None:
     turned[6] = second * ax * az - first * ay
     turned[7] = second * ay * az + first * ax
     turned[8] = along + second * az * az
-
-
-def walk(
-    rate: float, elapsed: float, first: int, last: int, columns: Any, diagonal: Any, room: Any
-) -> None:
-    """Numbers from first to before last walk at random."""
-    if rate > 0.0:
-        for i in range(first, last):
-            factors.add_variance(i, rate * rate * elapsed, columns, diagonal, room)
 
 
 def _rotate(turned: Any, vector: Any) -> None:

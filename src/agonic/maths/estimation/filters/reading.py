@@ -43,7 +43,7 @@ def take_magnitude(
 
     `seen` takes residual, sd, whether it was used, clipped innovation, and the Jacobian.
     """
-    noise = model.noise
+    noise, gate = model.noise, model.gate
     h, f, gain = room[0], room[1], room[2]
     m = len(diagonal)
     r, steepness = find_distance(about if linearised else x, row, noise, h, m)
@@ -52,12 +52,17 @@ def take_magnitude(
             r += h[i] * (x[i] - about[i])
     sd = sqrt(factors.predict(h, noise, columns, diagonal, f))
     z = -r / sd
-    used = row[5] > 0.0 and z * z <= model.gate * model.gate * max(1.0, watch[SCALE])
-    seen[0], seen[1], seen[2] = r * steepness, sd * steepness, 1.0 if used else 0.0
-    clipped = min(max(z, -CLIP), CLIP)
-    seen[3] = clipped
+    used = row[5] > 0.0 and z * z <= gate * gate * max(1.0, watch[SCALE])
+    clipped = CLIP if z > CLIP else -CLIP if z < -CLIP else z
+    seen[0], seen[1], seen[2], seen[3] = (
+        r * steepness,
+        sd * steepness,
+        1.0 if used else 0.0,
+        clipped,
+    )
+    share = 1.0 / sd
     for i in range(m):
-        seen[4 + i] = h[i] / sd
+        seen[4 + i] = h[i] * share
     if used:
         factors.absorb(noise, columns, diagonal, f, gain)
         for i in range(m):
@@ -77,7 +82,7 @@ def find_distance(x: Any, row: Any, noise: float, h: Any, m: int) -> tuple[float
         xy * dx + yy * dy + yz * dz,
         xz * dx + yz * dy + zz * dz,
     )
-    size = max(sqrt(ux * ux + uy * uy + uz * uz), 1e-300)
+    size = sqrt(ux * ux + uy * uy + uz * uz) + 1e-300
     ex, ey, ez = ux / size, uy / size, uz / size
     sx, sy, sz = (
         xx * ex + xy * ey + xz * ez,
@@ -85,7 +90,7 @@ def find_distance(x: Any, row: Any, noise: float, h: Any, m: int) -> tuple[float
         xz * ex + yz * ey + zz * ez,
     )
     square = sx * sx + sy * sy + sz * sz
-    steep = max(sqrt(square), 1e-300)
+    steep = sqrt(square) + 1e-300
     nx, ny, nz = sx / steep, sy / steep, sz / steep
     tx, ty, tz = (
         xx * nx + xy * ny + xz * nz,

@@ -237,8 +237,8 @@ def add_variance(before: FilterState, sd: ArrayLike, name: str = "bias") -> Filt
     place, room = before.table.places[name], [0.0] * len(before.scales)
     columns, diagonal = before.columns.tolist(), before.diagonal.tolist()
     sds = np.broadcast_to(np.asarray(sd, dtype=np.float64), place.stop - place.start)
-    for i, variance in enumerate(np.square(sds).tolist(), start=place.start):
-        factors.add_variance(i, variance, columns, diagonal, room)
+    for i, own in enumerate(sds.tolist(), start=place.start):
+        factors.walk(own, 1.0, i, i + 1, columns, diagonal, room)
     return before._replace(upper=columns, scales=diagonal)
 
 
