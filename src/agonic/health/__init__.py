@@ -7,6 +7,7 @@ from agonic.health.evidence import Evidence as Evidence
 from agonic.health.examine import examine as examine
 from agonic.health.finding import Finding as Finding
 from agonic.health.finding import Judged as Judged
+from agonic.health.finding import Limit as Limit
 from agonic.health.finding import Verdict as Verdict
 from agonic.health.finding import figure as figure
 from agonic.health.finding import sentences as sentences

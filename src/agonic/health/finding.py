@@ -24,6 +24,21 @@ Verdict = Literal["good", "check", "refused"]
 """What a result is worth: to be used, to be looked at, not to be used."""
 
 
+class Limit(NamedTuple):
+    """From where on a number is to be looked at, and from where it refuses.
+
+    >>> [Limit(2.0, 10.0).grade(size) for size in (1.0, 2.0, 12.0)]
+    [None, 'check', 'refuse']
+    """
+
+    check: float
+    refuse: float = float("inf")
+
+    def grade(self, size: float) -> Severity | None:
+        """How grave a number of this size is."""
+        return "refuse" if size >= self.refuse else "check" if size >= self.check else None
+
+
 def figure(value: float, digits: int = 2) -> str:
     """A number with so many significant digits, never as a power of ten."""
     return np.format_float_positional(

@@ -12,30 +12,25 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.deviation import Deviation, name_heading
 from agonic.headings.deviation.readings import SwingReadings
 from agonic.headings.maths import swing_plan
-from agonic.health import Finding, figure, sort_findings
+from agonic.health import Finding, Limit, figure, sort_findings
 from agonic.maths.estimation.noise.residuals import correlation_length
 from agonic.maths.rotations import deviation as kernel
 
-AMPLIFIED_REFUSED = 10.0  # standard error over that of as many headings evenly spread
-AMPLIFIED_DOUBTFUL = 3.0
-GAP_REFUSED_DEG = 180.0  # the headings lie in one half
-GAP_DOUBTFUL_DEG = 120.0
-CURVE_REFUSED_DEG = 10.0  # standard error of the curve, rms over all headings
-CURVE_DOUBTFUL_DEG = 2.0
-HEEL_LEAST_DEG = 1.0  # rms of heel that no other term explains
-SCATTER_DOUBTFUL_DEG = 5.0
-OUTLIER_LEAST_DEG = 0.5
-OUTLIER_REFUSED_DEG = 5.0  # where too few others outweigh it
-OUTLIERS_DOUBTFUL = 0.1
-THIRD_DOUBTFUL_DEG = 1.0
-SIGNIFICANT = 0.01
-SLIP_SIGNIFICANT = 0.003
-DRIFT_SIGNIFICANT = 0.001
-DRIFT_LEAST_DEG = 0.5
-DRIFT_LIKELY = 0.8  # fewer than one in a hundred swings without drift
-ALIKE_DEG = 1e-6
-ZERO_DEG = 0.5  # rms of a deviation that sights by hand do not tell from none
-ZERO_LIKELY = 0.05
+LIMITS = {
+    "amplified": Limit(3.0, 10.0),  # standard error over that of as many headings evenly spread
+    "gap": Limit(120.0, 180.0),  # °; the headings lie in one half
+    "uncertain": Limit(2.0, 10.0),  # °, standard error of the curve, rms over all headings
+    "heel": Limit(1.0),  # °, rms of heel that no other term explains
+    "scatter": Limit(5.0),  # °
+    "outlier": Limit(0.5, 5.0),  # °; where too few others outweigh it
+    "outliers": Limit(0.1),  # of the readings
+    "third harmonic": Limit(1.0),  # °
+    "drift": Limit(0.5),  # ° from the first reading to the last
+    "drifting": Limit(0.8),  # probability: fewer than one in a hundred swings without drift
+    "deviation": Limit(0.5),  # °, rms: sights by hand do not tell less from none
+}
+CHANCES = {"outlier": 0.003, "third harmonic": 0.01, "drift": 0.001, "no deviation": 0.05}
+"""How often chance may do as much as is found."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,13 +104,14 @@ def _headings(evidence: Evidence) -> Finding | None:
     n, terms = len(headings), evidence.card.terms
     gap = swing_plan.compute_largest_gap_deg(headings)
     amplified = swing_plan.compute_amplification(headings, level)
+    spread = LIMITS["amplified"].grade(amplified)
     missing = swing_plan.find_missing_deg(headings, level, 2.0)
     move = (
         f"steer also {list_headings(missing)}" if len(missing) else "steer twice as many headings"
     )
     seen = f"what was steered ({n} heading{'' if n == 1 else 's'}, widest gap {gap:.0f}°)"
     named = "A to E" if terms == "ABCDE" else ", ".join(terms)
-    if (gap >= GAP_REFUSED_DEG and terms != "A") or amplified > AMPLIFIED_REFUSED:
+    if "refuse" in (LIMITS["gap"].grade(gap if terms != "A" else 0.0), spread):
         return Finding("headings", "refuse", f"{seen} does not determine {named}", move)
     readings, k = evidence.rows.shape
     if (n <= len(terms) or readings <= k) and evidence.stated_noise_deg is None:
@@ -125,7 +121,7 @@ def _headings(evidence: Evidence) -> Finding | None:
             f"{readings} readings on {n} headings for {k} terms leave none to check the card",
             f"{move}, or state the noise of one reading",
         )
-    if amplified > AMPLIFIED_DOUBTFUL or gap > GAP_DOUBTFUL_DEG:
+    if spread or LIMITS["gap"].grade(gap):
         return Finding("headings", "check", f"{seen} hardly determines {named}", move)
     return None
 
@@ -137,7 +133,7 @@ def _heel(evidence: Evidence) -> Finding | None:
         others = np.delete(rows, k, axis=1)
         left = rows[:, k] - others @ np.linalg.lstsq(others, rows[:, k], rcond=None)[0]
         rms = float(np.sqrt(np.mean(left**2)))
-        if rms < HEEL_LEAST_DEG:
+        if not LIMITS["heel"].grade(rms):
             way = name.split("_")[0]
             both = "to port and to starboard" if way == "roll" else "nose up and nose down"
             return Finding(
@@ -153,13 +149,14 @@ def _heel(evidence: Evidence) -> Finding | None:
 def _uncertain(evidence: Evidence) -> Finding | None:
     """A curve whose standard error is large, whatever the reason."""
     sd = float(np.sqrt(np.mean(evidence.card.sd_at(swing_plan.CIRCLE_DEG) ** 2)))
-    if sd < CURVE_DOUBTFUL_DEG:
+    severity = LIMITS["uncertain"].grade(sd)
+    if severity is None:
         return None
     length = evidence.solved.correlation
     slow = f"; errors are correlated over {figure(length)} readings in a row" if length > 2 else ""
     return Finding(
         "uncertain",
-        "refuse" if sd >= CURVE_REFUSED_DEG else "check",
+        severity,
         f"the standard error of the curve is {figure(sd)}°{slow}",
         "stay longer on headings all round, or swing again in calmer conditions",
     )
@@ -173,7 +170,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
             return None
         return Finding(
             "outlying headings",
-            "check" if share > OUTLIERS_DOUBTFUL else "note",
+            LIMITS["outliers"].grade(share) or "note",
             f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for moments when the vehicle turned or a current was switched",
         )
@@ -189,11 +186,12 @@ def _outlier(evidence: Evidence) -> Finding | None:
     worst = int(t.argmax())
     off = float(abs(e[worst]) / free[worst])
     chance = 2 * n * float(stdtr(n - k - 1, -t[worst]))
-    if chance >= SLIP_SIGNIFICANT or off <= OUTLIER_LEAST_DEG:
+    severity = LIMITS["outlier"].grade(off)
+    if chance >= CHANCES["outlier"] or severity is None:
         return None
     return Finding(
         "outlying headings",
-        "refuse" if off >= OUTLIER_REFUSED_DEG else "check",
+        severity,
         f"the reading at compass {name_heading(float(evidence.readings.compass[worst]))} is "
         f"{figure(off)}° from the curve of the others",
         "look for a mistake (east for west, a wrong digit) and steer that heading again",
@@ -204,7 +202,7 @@ def _scatter(evidence: Evidence) -> Finding | None:
     """Residuals that are large, or larger than the stated noise."""
     noise, stated = evidence.solved.noise, evidence.stated_noise_deg
     exceeded = stated is not None and evidence.card.freedom is not None
-    if noise <= SCATTER_DOUBTFUL_DEG and not exceeded:
+    if not exceeded and not LIMITS["scatter"].grade(noise):
         return None
     beyond = f", more than the {figure(stated)}° that were stated" if stated and exceeded else ""
     return Finding(
@@ -236,9 +234,9 @@ def _drift(evidence: Evidence) -> Finding | None:
     found, covariance = _fit_more_columns(evidence, np.linspace(-0.5, 0.5, n))
     size = abs(float(found[0]))
     t = size / np.sqrt(max(float(covariance[0, 0]), 1e-24))
-    if size >= DRIFT_LEAST_DEG and 2 * stdtr(used - k - 1, -t) <= DRIFT_SIGNIFICANT:
+    if LIMITS["drift"].grade(size) and 2 * stdtr(used - k - 1, -t) <= CHANCES["drift"]:
         what = f"the deviation changes by {figure(size)}° from the first reading to the last"
-    elif evidence.drifting > DRIFT_LIKELY:
+    elif LIMITS["drifting"].grade(evidence.drifting):
         what = "the readings drift in the order they were taken"
     else:
         return None
@@ -259,7 +257,7 @@ def _third(evidence: Evidence) -> Finding | None:
     found, covariance = _fit_more_columns(evidence, np.sin(3 * psi), np.cos(3 * psi))
     chance = float(chdtrc(2, found @ np.linalg.pinv(covariance) @ found))
     size = float(np.hypot(*found))
-    if size < THIRD_DOUBTFUL_DEG or chance > SIGNIFICANT:
+    if not LIMITS["third harmonic"].grade(size) or chance > CHANCES["third harmonic"]:
         return None
     return Finding(
         "third harmonic",
@@ -283,9 +281,9 @@ def _find_dependence(evidence: Evidence) -> Finding | None:
         what = "the reference is an estimate that follows a compass itself"
     elif k == 1:
         return None
-    elif float(np.ptp(evidence.readings.difference)) <= ALIKE_DEG:
+    elif float(np.ptp(evidence.readings.difference)) <= 1e-6:
         what = "compass and reference differ by the same on every heading, to the last digit"
-    elif rms <= ZERO_DEG and chance > ZERO_LIKELY:
+    elif not LIMITS["deviation"].grade(rms) and chance > CHANCES["no deviation"]:
         what = f"compass and reference differ by no more than noise, {figure(rms)}° rms"
     else:
         return None

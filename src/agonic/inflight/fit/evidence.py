@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agonic.health import Finding, check_scale, figure, inspect, sort_findings
+from agonic.health import Finding, Limit, check_scale, figure, inspect, sort_findings
+from agonic.field.model import REFERENCE_RADIUS_M
 from agonic.inflight.fit import likely_causes
 from agonic.inflight.fit.ground_errors import states_covariance
 from agonic.inflight.fit.interval_choice import find_step, sum_stretches
+from agonic.inflight.fit.pointing import LOWEST_ORBIT_M
 from agonic.inflight.fit.result import InflightFit
 from agonic.inflight.fit.solve import find_start, fit_rows
 from agonic.inflight.fit.terms import DEGREE
 from agonic.inflight.fit.torquers import list_torquer_findings
+from agonic.inflight.simulation.kepler import GRAVITATION_M3_S2
 from agonic.maths.equation.coverage import find_nearest_axis
 from agonic.maths.equation.gauge import mean_gain
 from agonic.samples import Samples
@@ -23,30 +26,28 @@ from agonic.samples import Samples
 if TYPE_CHECKING:
     from agonic.inflight.fit.problem import Problem
 
-GRAVITY_M3_S2 = 3.986004418e14
-WITHIN = 1 / 3
-"""Share of an orbit below which an interval of the bias follows the orbit: a spline needs four for
-what goes round once, and two hold slow heat too."""
 MANY = 4
 """Intervals of the bias from which a step, or other gains, are looked for in their place."""
-STEP_WORSE = 1.05
-"""Residuals with a step over those with the spline, up to which it explains them as well."""
-BETTER = 0.97
-"""And over those with a steady drift, from which on it is a step."""
-LEAST = 0.005
-"""Change of the mean gain from which it is spoken of: what shrinks one axis alone is another."""
-HEIGHTS = 0.015
-"""Change of the mean gain below which heights may be off instead, by 35 km: F falls with r³."""
-SUSPICIOUS = 0.003
-"""Scatter over the field's magnitude from which the usual mistakes are tried."""
-MOSTLY = 0.8
-"""Share of the residual that is correlated, from which the same is done, however small it is."""
-LARGE = 0.015
-"""Scatter over the field's magnitude from which the reference itself is doubted."""
-UNDETERMINED = 0.02
-"""Standard error of a bias over the magnitude from which it is called undetermined."""
-OUTLIERS_DOUBTFUL = 0.1
-ATTITUDE_DOUBTFUL_DEG = 5.0
+LIMITS = {
+    # change of the mean gain that is spoken of: what shrinks one axis alone is another
+    "gain": Limit(0.005),
+    # below it heights may be off instead, by 35 km: F falls with r³
+    "gain by heights": Limit(0.015),
+    # residuals over those with a spline, and over those with a steady drift, that are no step
+    "step over spline": Limit(1.05),
+    "step over drift": Limit(0.97),
+    # intervals in an orbit; a spline needs four for what goes round once, and two hold slow heat
+    "intervals in an orbit": Limit(3.0),
+    # scatter over the field from which the usual mistakes are tried, and the reference is doubted
+    "mistakes": Limit(0.003),
+    "reference": Limit(0.015),
+    # share of the residual that is correlated, from which they are tried however small it is
+    "correlated": Limit(0.8),
+    # standard error of a bias over the field
+    "undetermined": Limit(0.02, 0.1),
+    "outliers": Limit(0.1),  # of the readings
+    "attitude": Limit(5.0, 20.0),  # ° between the field and its direction, median
+}
 
 
 def examine(
@@ -56,8 +57,8 @@ def examine(
     errors were grown by.
     """
     off = abs(find_other_gain(fit, problem) - 1)
-    by_gains, gains = off >= HEIGHTS, list[Finding]()
-    if off >= LEAST:
+    by_gains, gains = LIMITS["gain by heights"].grade(off), list[Finding]()
+    if LIMITS["gain"].grade(off):
         what = (
             f"gains that are {figure(100 * off)} % off those of the ground explain the record as "
             f"well as the {fit.drift.intervals} intervals of the bias do"
@@ -86,10 +87,10 @@ def find_period_s(samples: Samples) -> float | None:
 
     T = 2π √(a³/GM)
     """
-    if samples.altitude_m is None or np.median(samples.altitude_m) < likely_causes.LOWEST_ORBIT_M:
+    if samples.altitude_m is None or np.median(samples.altitude_m) < LOWEST_ORBIT_M:
         return None
-    radius = likely_causes.EARTH_RADIUS_M + float(np.median(samples.altitude_m))
-    return float(2 * np.pi * np.sqrt(radius**3 / GRAVITY_M3_S2))
+    radius = REFERENCE_RADIUS_M + float(np.median(samples.altitude_m))
+    return float(2 * np.pi * np.sqrt(radius**3 / GRAVITATION_M3_S2))
 
 
 def _find_short_interval_s(fit: InflightFit, samples: Samples) -> tuple[float, float] | None:
@@ -99,7 +100,8 @@ def _find_short_interval_s(fit: InflightFit, samples: Samples) -> tuple[float, f
     if period is None or not fit.drift.changes:
         return None
     interval = (fit.drift.stop - fit.drift.start) / fit.drift.intervals
-    return (interval, period) if interval < WITHIN * period else None
+    short = LIMITS["intervals in an orbit"].grade(period / interval)
+    return (interval, period) if short else None
 
 
 def _judge_course(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
@@ -110,7 +112,9 @@ def _judge_course(fit: InflightFit, problem: Problem, samples: Samples) -> Itera
         plain = replace(problem, direction=None)
         smooth = fit_rows(plain, find_start(plain), problem.used, count)
         step = find_step(sum_stretches(plain, smooth, count), count)
-        if step.left <= min(STEP_WORSE, BETTER * step.left_by_drift):
+        over_drift = step.left / step.left_by_drift
+        worse = LIMITS["step over spline"].grade(step.left)
+        if not worse and not LIMITS["step over drift"].grade(over_drift):
             at_s = fit.drift.start + step.time * (fit.drift.stop - fit.drift.start)
             yield Finding(
                 "bias stepped",
@@ -159,15 +163,17 @@ def _reference(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator
     if impossible is not None:
         yield Finding("track", "refuse", *impossible)
         return
-    mostly_lasting = fit.lasting_nT > MOSTLY * fit.noise
-    small = fit.noise < SUSPICIOUS * problem.magnitude
-    if small and not mostly_lasting and _find_short_interval_s(fit, samples) is None:
+    share = fit.noise / problem.magnitude
+    told = LIMITS["mistakes"].grade(share) or LIMITS["correlated"].grade(
+        fit.lasting_nT / max(fit.noise, 1e-300)
+    )
+    if not told and _find_short_interval_s(fit, samples) is None:
         return
     cause = likely_causes.find_likely_cause(fit, problem, samples)
     what = f"the magnitude scatters by {figure(fit.noise)} nT about the reference"
     if cause is not None:
         yield Finding("reference", "refuse", f"{what}; {cause.words}", cause.move)
-    elif fit.noise >= LARGE * problem.magnitude:
+    elif LIMITS["reference"].grade(share):
         yield Finding(
             "reference",
             "check",
@@ -180,12 +186,13 @@ def _check_undetermined(fit: InflightFit, magnitude: float) -> Iterator[Finding]
     """A direction of the bias that the track never showed."""
     variances, axes = np.linalg.eigh(fit.covariance[:3, :3])
     worst = float(np.sqrt(max(variances[-1], 0.0)))
-    if worst < UNDETERMINED * magnitude:
+    severity = LIMITS["undetermined"].grade(worst / magnitude)
+    if severity is None:
         return
     axis = find_nearest_axis(axes[:, -1])
     yield Finding(
         "bias undetermined",
-        "refuse" if worst > 5 * UNDETERMINED * magnitude else "check",
+        severity,
         f"the standard error of the bias near {axis} is {figure(worst)} nT",
         "use a longer record, or one in which the spacecraft turns"
         + ("" if fit.ground is None else "; solve for the bias alone (--solve bias)"),
@@ -203,7 +210,7 @@ def _judge_rows(fit: InflightFit, samples: Samples) -> Iterator[Finding]:
             "give the readings in the axes of the sensor",
         )
     share = 1.0 - np.count_nonzero(fit.weights > 0) / max(fit.n, 1)
-    if share > OUTLIERS_DOUBTFUL:
+    if LIMITS["outliers"].grade(share):
         yield Finding(
             "left out in flight",
             "check",
@@ -211,10 +218,10 @@ def _judge_rows(fit: InflightFit, samples: Samples) -> Iterator[Finding]:
             "exclude the times when torquers or transmitters were on",
         )
     off = fit.median_direction_error_deg or 0.0
-    if off >= ATTITUDE_DOUBTFUL_DEG:
+    if severity := LIMITS["attitude"].grade(off):
         yield Finding(
             "attitude in flight",
-            "check" if off < 4 * ATTITUDE_DOUBTFUL_DEG else "refuse",
+            severity,
             f"the field misses its direction by {figure(off)}° (median)",
             "check the attitude: its order of turns, its sign, its time; fit the magnitude alone",
         )

@@ -11,8 +11,10 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.base import apply
 from agonic.errors import AgonicError
+from agonic.field.model import REFERENCE_RADIUS_M
 from agonic.field.place import field_along
 from agonic.health import Finding, figure
+from agonic.inflight.fit.pointing import LOWEST_ORBIT_M
 from agonic.maths.earth.earth_rotation import sidereal_rad
 from agonic.maths.earth.geodesy import FLATTENING
 from agonic.maths.estimation.loss import cauchy, tukey
@@ -26,9 +28,7 @@ if TYPE_CHECKING:
     from agonic.inflight.fit.result import InflightFit
 
 
-EARTH_RADIUS_M = 6_371_200.0
 ORBITAL_M_S = 3000.0
-LOWEST_ORBIT_M = 80_000.0
 SOME, MORE = 400, 1000
 """Readings on which mistakes of the track, and names of axes, are tried."""
 FAR_BETTER = 0.5
@@ -63,7 +63,7 @@ def find_impossible_track(samples: Samples) -> Cause | None:
         return None
     altitude = 0.0 if samples.altitude_m is None else float(np.median(samples.altitude_m))
     east = np.diff(np.unwrap(longitude, period=360.0)) * np.cos(np.radians(latitude[1:]))
-    speed = np.radians(np.hypot(np.diff(latitude), east)) * EARTH_RADIUS_M / np.diff(time)
+    speed = np.radians(np.hypot(np.diff(latitude), east)) * REFERENCE_RADIUS_M / np.diff(time)
     if np.median(speed) < ORBITAL_M_S or altitude > LOWEST_ORBIT_M:
         return None
     return Cause(
@@ -225,7 +225,7 @@ def _list_mistakes(samples: Samples) -> Iterator[tuple[str, str, Change]]:
         yield "an orbit some 400 km high", "add the altitude", orbit
     if altitude.min() > 3e6:
         what = "distances from the Earth's centre taken for altitudes"
-        above = {"altitude_m": altitude - EARTH_RADIUS_M}
+        above = {"altitude_m": altitude - REFERENCE_RADIUS_M}
         yield what, "give the height above the ellipsoid", above
     for years in (-50, -30, -20, -10, 10, 20, 30, 50):  # only decades change the field so much
         then = samples.epoch and samples.epoch + timedelta(days=365.25 * years)

@@ -85,7 +85,7 @@ def add_one(
 ) -> RunningBatchMeans:
     """`add` of one reading, which waits for the others of its batch."""
     unsummed = (*before.unsummed, (jacobian, innovation))
-    after = RunningBatchMeans(*before[:2], before.rows + 1, *before[3:8], unsummed)
+    after = RunningBatchMeans(before.score, before.pending, before.rows + 1, *before[3:8], unsummed)
     return _finish(sum_up(after)) if after.rows == SHORTEST else after
 
 
