@@ -22,10 +22,6 @@ ROWS = 20_000
 hundredth of how they scatter."""
 SMOOTHED_S = 3.0
 """Turns last longer; gusts, shocks and the noise of the sensors do not."""
-UNEVEN = 0.05
-"""A vehicle's speed is not the same in all turns."""
-INDEPENDENT_S = 20.0
-"""What else accelerates a vehicle is another one after this long."""
 SCALE_SD = 0.01
 """How well an accelerometer knows g: the scale and bias of a common one."""
 WITHIN = 0.02
@@ -36,8 +32,6 @@ UNSEEN = 0.003
 """A push of this square, in g², may hide in what an accelerometer's scale and bias do not tell."""
 FASTEST_M_S = 40.0
 """Prior of a speed of which nothing is known: its square is within the square of this."""
-TRACK_SHARE = 0.5
-"""Prior of the square of a speed that positions tell, over it: there is wind, and speeds change."""
 
 
 class Speed(NamedTuple):
@@ -61,7 +55,8 @@ class Speed(NamedTuple):
     def doubt(self) -> float:
         """How far the speed may be from that, m/s."""
         if self.taken:
-            return float(np.hypot(self.square_sd / (2 * self.taken), UNEVEN * self.taken))
+            # a vehicle's speed is not the same in all turns
+            return float(np.hypot(self.square_sd / (2 * self.taken), 0.05 * self.taken))
         return float(np.sqrt(max(self.square, 0.0) + self.square_sd))
 
 
@@ -69,11 +64,7 @@ AT_REST = Speed(0.0, 0.0, STANDARD_GRAVITY_M_S2)
 
 
 def compute_turn_axis(rotation_rate: Array) -> Array:
-    """ω × x̂ (n, 3): acceleration in body axes for each m/s ahead, of rates (n, 3) in rad/s.
-
-    >>> compute_turn_axis(np.array([[0.0, 0.0, 0.5]])).tolist()
-    [[0.0, 0.5, 0.0]]
-    """
+    """ω × x̂ (n, 3): acceleration in body axes for each m/s ahead, of rates (n, 3) in rad/s."""
     return np.stack(
         [np.zeros(len(rotation_rate)), rotation_rate[:, 2], 0.0 - rotation_rate[:, 1]], 1
     )
@@ -104,9 +95,12 @@ def estimate_speed(samples: Samples, specific_force: Array, rotation_rate: Array
     track = _compute_track_square(samples, turn, width)
     rows = np.stack([np.ones(len(time)), turn**2], axis=1)
     prior = np.array([0.0, track])
-    speed_sd = TRACK_SHARE * track if track else FASTEST_M_S**2
+    # prior of the square of a speed that positions tell, over it: there is wind, and speeds
+    # change
+    speed_sd = 0.5 * track if track else FASTEST_M_S**2
     prior_sd = np.array([2 * SCALE_SD * STANDARD_GRAVITY_M_S2**2, speed_sd])
-    independent = max((time[-1] - time[0]) / INDEPENDENT_S, 1.0)
+    # what else accelerates a vehicle is another one after this long
+    independent = max((time[-1] - time[0]) / 20.0, 1.0)
     variance = float(np.var(felt)) + 1e-6
     for _ in range(3):
         weight = independent / len(time) / variance

@@ -115,9 +115,6 @@ def interpolate_readings(samples: Samples, compass: Compass, time: Array | None)
 def compute_change(time: Array, values: Array) -> Array | None:
     """By how much values (n, 3) change in a second, over the rows that last `TURNING_S` to either
     side of each, one at least; `None` for a single one.
-
-    >>> compute_change(np.arange(3.0), np.outer(np.arange(3.0), [1.0, 2, 3])).tolist()
-    [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]
     """
     if len(time) < 2:
         return None

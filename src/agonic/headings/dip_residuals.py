@@ -34,14 +34,10 @@ AVERAGED_S = 1.0
 """Residuals within it are averaged."""
 LOCAL_S = 60.0
 """The scatter is taken over so long about each row too: some vehicles turn at times only."""
-RAISED = 2.0
-"""A variance of the tilt that the dip makes so many times larger is said."""
 PRIOR = 2.0
 """Independent residuals that the error of the tilt, as it was assumed or felt, counts for."""
 CAUTION = 4.0
 """The same where the residuals are smaller."""
-ONE_HEADING = 0.05
-"""Where the headings show less of one of the vehicle's axes, they do not show it."""
 LEAST_SD = np.radians(0.1)
 """No tilt is taken to be better known than this, unless stated."""
 
@@ -82,7 +78,7 @@ def refine_tilt_sd(
     followed = _follow(attitude, best, _Within(None))
     if time is not None and local:
         followed = _follow(followed, best, _Within(time[best.rows]))
-    if np.median(followed.variance) <= RAISED * np.median(attitude.variance):
+    if np.median(followed.variance) <= 2.0 * np.median(attitude.variance):
         return followed
     scattered = float(np.degrees(_scatter(best.residual)))
     said = f"the dip of the field scatters by {figure(scattered)}°, and perhaps the tilt as well"
@@ -176,7 +172,7 @@ def _follow(attitude: Attitude, seen: DipResiduals, within: _Within) -> Attitude
     share = mean(tilt / total)
     less = np.maximum(mean(z**2 - seen.noise / total), 0.0) / np.maximum(share, 1e-9)
     shown = 2 * np.minimum(mean(seen.north), 1.0 - mean(seen.north))
-    shown = np.where(shown > ONE_HEADING, shown, 0.0)
+    shown = np.where(shown > 0.05, shown, 0.0)
     telling = independent * shown * share**2
     less = np.minimum(less / np.maximum(shown, 1e-3), 1.0)
     less = (CAUTION + telling * less) / (CAUTION + telling)

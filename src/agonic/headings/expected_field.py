@@ -16,12 +16,6 @@ from agonic.headings.attitude import select_rows
 from agonic.maths.earth.geodesy import SEMI_MAJOR_M
 from agonic.samples import Samples
 
-NODES = 257
-"""Rows at which the world model is asked; between them it is linear in time."""
-JUMP_M = 1000.0
-"""Rows further apart than this are asked both, so that nothing is interpolated between them."""
-
-
 _ALL = slice(None)
 
 
@@ -94,11 +88,13 @@ def evaluate_world(samples: Samples) -> Surroundings | None:
     if latitude is None or longitude is None or epoch is None:
         return None
     n = len(samples)
-    even = np.linspace(0, n - 1, NODES).round().astype(np.intp)
+    # rows at which the world model is asked; between them it is linear in time
+    even = np.linspace(0, n - 1, 257).round().astype(np.intp)
     # after which the place is another: a fix that came, or a log put together
     north, east = np.diff(np.radians(latitude)), np.diff(np.radians(longitude))
     east = ((east * np.cos(np.radians(latitude[1:]))) + np.pi) % (2 * np.pi) - np.pi
-    before = np.flatnonzero(np.hypot(north, east) * SEMI_MAJOR_M > JUMP_M)
+    # rows further apart than this are asked both, so that nothing is interpolated between them
+    before = np.flatnonzero(np.hypot(north, east) * SEMI_MAJOR_M > 1000.0)
     rows = np.unique(np.concatenate([even, before, before + 1]))
     time = np.zeros(n) if samples.time is None else samples.time
     altitude = np.zeros(n) if samples.altitude_m is None else samples.altitude_m

@@ -18,18 +18,9 @@ GAP_S = 1.0
 """A longer pause in the log starts the filter anew, and loses the heading."""
 LONGEST_STEP_S = 0.005
 """Slower logs are interpolated to this: VQF holds a rate for the whole step up to its row."""
-SHORTEST = 10
-"""Rows without which a stretch between two pauses tells no tilt."""
 UNSEEN = 2.138
 """sd of ⟨a⟩ over that of ⟨a − ⟨a⟩⟩ where speeds change at random (their spectrum even), ⟨⟩ the
 low-pass of the filter: root of ∫x²(1 + x⁴)⁻² dx over ∫x¹⁰(1 + x⁴)⁻⁴ dx."""
-AGREES = 0.1
-"""Least share of what turning at a speed should leave over that has to be there: a filter that was
-pulled off level shows less than all, a hand next to nothing."""
-ALLOWED = 2.0
-"""Standard errors by which a speed may be larger than it shows."""
-LOCAL = 2.0
-"""Time constants over which the scatter of what the filter left is taken."""
 
 
 class FilteredDown(NamedTuple):
@@ -76,7 +67,7 @@ def filter_down(
     """
     n = len(time)
     pauses = np.flatnonzero(np.diff(time) > GAP_S) + 1
-    parts = [p for p in np.split(np.arange(n), pauses) if len(p) >= SHORTEST]
+    parts = [p for p in np.split(np.arange(n), pauses) if len(p) >= 10]
     if not parts:
         raise LogError(
             "the log has pauses so often that no gyro filter can run; take tilt from the log or "
@@ -85,11 +76,13 @@ def filter_down(
     force = specific_force
     ran = [_ran(time[p], force[p], rotation_rate[p], settling_s) for p in parts]
     shown, shown_sd = _regress_speed(ran, settling_s)
-    if speed.taken and shown < AGREES * speed.taken:
+    # least share of what turning at a speed should leave over that has to be there: a filter that
+    # was pulled off level shows less than all, a hand next to nothing
+    if speed.taken and shown < 0.1 * speed.taken:
         speed = speed._replace(trusted=False)
     if not speed.taken:
         # it does not stand out: no larger than the left-over acceleration allows
-        limited = Speed(shown**2, (ALLOWED * shown_sd) ** 2, speed.gravity, trusted=False)
+        limited = Speed(shown**2, (2.0 * shown_sd) ** 2, speed.gravity, trusted=False)
         speed = min(speed, limited, key=lambda one: one.doubt)
     if speed.taken:
         force = force - speed.taken * compute_turn_axis(rotation_rate)
@@ -151,7 +144,7 @@ def _doubt(stretch: Stretch, settling_s: float, speed: Speed) -> tuple[Array, Ar
     nose = nose / np.maximum(np.sqrt((nose**2).sum(axis=1, keepdims=True)), 1e-9)
     left = np.stack([-nose[:, 1], nose[:, 0]], axis=1)
     left_over = filter_both_ways(turn.apply(stretch.force)[:, :2], step, settling_s)
-    width = max(round(LOCAL * settling_s / step), 1)
+    width = max(round(2.0 * settling_s / step), 1)
     rest = UNSEEN**2 * smooth((left_over**2).sum(axis=1) / 2, width)
     ahead = turn.apply(compute_turn_axis(stretch.rate))[:, :2]
     unsure = speed.doubt * filter_both_ways(ahead, step, settling_s)

@@ -33,8 +33,6 @@ PASSING_S = 1.0
 SOME = 0.05
 POSSIBLE, CERTAIN = 2.0, 4.0
 """From so many times the variance that is explained, to so many, what is seen is a disturbance."""
-SAMPLE = 2000
-"""Rows, spread evenly over the log, by which noise and calibration count."""
 OPPOSITE_DEG = 15.0
 """A dip is the opposite of the expected one to this, and that one steep enough to tell."""
 
@@ -218,7 +216,7 @@ def add_disturbance(
 
 def _explain(one: CompassRows, size: Array, good: Index) -> float:
     """The relative variance of the field's magnitude by noise and calibration."""
-    rows = good[choose_evenly(len(good), SAMPLE)]
+    rows = good[choose_evenly(len(good), 2000)]
     readings, steps = one.readings.subset(rows), list_steps(one.compass.calibration)
     values = apply_steps(steps, readings.raw, readings.columns)
     systematic, noise, _ = propagate(steps, values, readings.columns, values[-1].T / size[rows])
@@ -231,10 +229,6 @@ def bridge_disturbed(distance: Array, time: Array) -> Array:
     Beside a magnet that is passed, magnitude and dip are the expected ones for a moment, and the
     heading may be any. So a row is beyond the limit too between rows that are, within `PASSING_S`:
     most of those on one side, and `SOME` of those on the other.
-
-    >>> passed = np.repeat([0.2, 3.0, 0.5, 3.0, 0.2], [30, 30, 5, 30, 30])
-    >>> np.flatnonzero(bridge_disturbed(passed, np.arange(125) / 20.0) > 1.0)[[0, -1]].tolist()
-    [30, 94]
     """
     width = count_rows(time, PASSING_S)
     beside = _average_beside((distance > 1.0).astype(np.float64), width, width)

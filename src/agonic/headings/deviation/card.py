@@ -35,22 +35,14 @@ class Row(NamedTuple):
     steer: float
 
     def write(self) -> tuple[str, str, str, str, str]:
-        """Heading, deviation, band, magnetic heading and the one to steer, in words.
-
-        >>> Row(7.04, 0.0, None, 359.97, 7.0).write()[3:]
-        ('000.0°', '007.0°')
-        """
+        """Heading, deviation, band, magnetic heading and the one to steer, in words."""
         turned, steer = (f"{round(h, 1) % 360.0:05.1f}°" for h in (self.magnetic, self.steer))
         band = "" if self.band is None else f"{self.band:.1f}"
         return name_heading(self.heading), format_east_west(self.deviation), band, turned, steer
 
 
 def make_rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
-    """The rows of a card, north first.
-
-    >>> make_rows(Deviation(coefficients=[2.0, 0, 0, 0, 0]), 45)[2]
-    Row(heading=90.0, deviation=2.0, band=None, magnetic=92.0, steer=88.0)
-    """
+    """The rows of a card, north first."""
     if step_deg not in STEPS:
         known = ", ".join(f"{step:g}" for step in STEPS)
         raise AgonicError(f"a card in steps of {step_deg:g}° is not made; use {known}")
@@ -62,11 +54,7 @@ def make_rows(card: Deviation, step_deg: float = 15.0) -> list[Row]:
 
 
 def describe_power(card: Deviation) -> str:
-    """What the card is valid with.
-
-    >>> describe_power(Deviation(coefficients=[0.0] * 5, power_state="engine on", current_A=12.0))
-    'engine on, 12 A'
-    """
+    """What the card is valid with."""
     drawn = [] if card.current_A is None else [f"{card.current_A:g} A"]
     return ", ".join([*([card.power_state] if card.power_state else []), *drawn]) or WITHOUT_STATE
 
@@ -93,11 +81,7 @@ def judge_size(card: Deviation) -> str:
 def make_coefficient_rows(
     card: Deviation, classical: Mapping[str, float] | None = None
 ) -> list[tuple[str, str, str]]:
-    """A to E and the heel terms that were fitted: name, least squares, eight headings.
-
-    >>> make_coefficient_rows(Deviation(coefficients=[2.0, 0, 0, 0, 0], terms="A"), {"A": -1.98})
-    [('A', '2.000', '−1.98')]
-    """
+    """A to E and the heel terms that were fitted: name, least squares, eight headings."""
     eight = classical or {}
     names = ("A", "B", "C", "D", "E", "roll · cos", "roll · sin", "pitch · cos", "pitch · sin")
     values = [*card.coefficients, *([] if card.heel is None else card.heel)]

@@ -148,13 +148,6 @@ def find_remedies(card: Deviation) -> tuple[Remedy, ...]:
 
     Source: Handbook of Magnetic Compass Adjustment (National Geospatial-Intelligence
     Agency, 2004), chapters V and VI.
-
-    >>> made = find_remedies(Deviation(coefficients=[1.0, 12.0, 8.0, 5.0, 1.5]))
-    >>> for remedy in made:
-    ...     print(remedy)
-    turn the compass 1.0° clockwise: 20.1° → 19.1°
-    null B by magnets fore and aft, C athwart: 20.1° → 6.2°
-    both: 20.1° → 5.2°
     """
 
     def find_largest(nulled: list[int]) -> float:
@@ -211,15 +204,7 @@ def describe_deviation(
     paper: Paper = "A4",
     blank: int = 0,
 ) -> CardDocument:
-    """The card, and the coefficients with their evidence; `blank` rows of the swing were empty.
-
-    >>> import numpy as np
-    >>> from agonic.headings.deviation import fit_deviation
-    >>> rose = np.arange(0, 360, 45.0)
-    >>> made = describe_deviation(fit_deviation(rose, rose + 2.0), blank=1)
-    >>> round(made.to_record()["coefficients"]["A"], 6), made.to_text()[:14]
-    (2.0, 'DEVIATION CARD')
-    """
+    """The card, and the coefficients with their evidence; `blank` rows of the swing were empty."""
     remedies = () if fit.verdict == "refused" else find_remedies(fit.calibration)
     told = dict(zip(("to do", "or", "or better"), map(str, remedies), strict=False))
     return CardDocument(
@@ -262,14 +247,7 @@ def _values(fit: DeviationFit) -> dict[str, Any]:
 
 
 def describe_plan(plan: SwingPlan) -> Document:
-    """The headings to steer, and to which side, and what they will tell.
-
-    >>> from agonic.headings.deviation import plan_swing
-    >>> print("\\n".join(describe_plan(plan_swing(8)).to_text().splitlines()[-3:]))
-      D        0.500°
-      E        0.500°
-      heading  0.791° corrected with the card, level
-    """
+    """The headings to steer, and to which side, and what they will tell."""
     sd = {name: s for name, s in zip(PARAMETERS, plan.sd.tolist(), strict=True) if s > 0.0}
     steered, heeled = plan.closed, bool(plan.roll_deg.any())
     steps = [

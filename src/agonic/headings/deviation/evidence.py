@@ -89,11 +89,7 @@ def examine(evidence: Evidence) -> tuple[Finding, ...]:
 
 
 def list_headings(headings_deg: Array) -> str:
-    """Headings in words.
-
-    >>> list_headings(np.array([45.0, 135.0, 180.0]))
-    '045° NE, 135° SE and 180° S'
-    """
+    """Headings in words."""
     names = [name_heading(float(h)) for h in headings_deg]
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 

@@ -30,8 +30,6 @@ from agonic.provenance import Input, Provenance
 from agonic.readable import Shown
 
 CITATIONS = ("nga-2004", "huber-1981", "beaton-tukey-1974")
-READINGS_PER_TERM = 4
-"""With fewer readings for each term an outlier cannot be told from the rest by its weight."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,7 +127,8 @@ def fit_deviation(
     readings = select_complete(compass_deg, reference_deg, heel, declination_deg)
     chosen = np.concatenate([level, np.repeat(readings.heeled, 2)])
     rows = readings.rows[:, chosen]
-    weighted = robust and len(rows) >= READINGS_PER_TERM * rows.shape[1]
+    # else an outlier cannot be told from the rest by its weight
+    weighted = robust and len(rows) >= 4 * rows.shape[1]
     solved, known = _solve(readings, rows, weighted, noise_deg)
     drift = _allow_drift(rows, solved, weighted, noise_deg and known, drift_deg)
     solved = solved._replace(covariance=drift.covariance)

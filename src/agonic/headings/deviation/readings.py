@@ -11,9 +11,6 @@ from agonic.arrays import Array, Mask
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations import deviation as kernel
 
-_STEPS_DEG = (1.0, 0.5, 0.1, 0.01)
-_ALIKE = 1e-6  # of a step: what is left of decimals in double precision
-
 
 class SwingReadings(NamedTuple):
     """The finite rows: compass (n,), reference − compass (n,), roll and pitch (n, 0…2)."""
@@ -41,9 +38,10 @@ class SwingReadings(NamedTuple):
 
         A step q of more than 1° cannot be told from headings that were steered by multiples of it.
         """
-        for step in _STEPS_DEG:
+        for step in (1.0, 0.5, 0.1, 0.01):
             parts = self.difference / step
-            if np.abs(parts - np.round(parts)).max() < _ALIKE:
+            # what is left of decimals in double precision
+            if np.abs(parts - np.round(parts)).max() < 1e-6:
                 return float(step / np.sqrt(12.0))
         return 0.0
 

@@ -51,10 +51,6 @@ def find_swing(samples: Samples, setup: Setup) -> Swing:
 
 
 def describe_current(current: Array) -> str:
-    """The state of power that a current tells, in words.
-
-    >>> describe_current(np.array([11.0, 12.0, 12.0, 14.0]))
-    'what draws 11 to 14 A switched on'
-    """
+    """The state of power that a current tells, in words."""
     low, high = (figure(float(v)) for v in np.percentile(current, (5, 95)))
     return f"what draws {low} to {high} A switched on"

@@ -211,11 +211,7 @@ def _values(
 
 
 def _heading(cell: str) -> float | None:
-    """A heading: a number or a point of the compass; NaN for a blank.
-
-    >>> _heading("045°"), _heading("nne"), _heading("12E")
-    (45.0, 22.5, None)
-    """
+    """A heading: a number or a point of the compass; NaN for a blank."""
     text = cell.upper().rstrip("° ")
     if not text:
         return float("nan")
@@ -225,11 +221,7 @@ def _heading(cell: str) -> float | None:
 
 
 def _angle(cell: str) -> float | None:
-    """An angle with its sign or its side: east and starboard are positive; NaN for a blank.
-
-    >>> _angle("10.5E"), _angle("W 1.2°"), _angle("-3"), _angle("-3 W")
-    (10.5, -1.2, -3.0, None)
-    """
+    """An angle with its sign or its side: east and starboard are positive; NaN for a blank."""
     text = re.sub(r"[°\s]", "", cell.upper())
     if not text or text in ("NAN", "-", "–"):
         return float("nan")

@@ -18,15 +18,8 @@ from agonic.maths.estimation.noise.residuals import MAD_TO_SD, correlation_lengt
 
 CLIP = 3.0
 """Residuals further out than so many robust sds count as these: a magnet is no tilt."""
-OFFSET_SD = float(np.radians(0.5))
-"""Of the dip that is expected, rad: a world model does not know what is in the ground."""
 FEWEST = 30
 """Moments or rows that tell a lean, or a scatter, at least."""
-ALIKE_S = 5.0
-"""Errors of the tilt within it count as one, at least."""
-SURE = 6.6
-"""Twice the gain of the log likelihood that a lean beyond the known one needs: χ² of one, 1 %."""
-_TURNS = 100
 
 
 def find_lean_covariance(
@@ -53,18 +46,19 @@ def find_lean_covariance(
     left = y - rows @ first
     alike = max(
         correlation_length(left, np.ones(len(left))),
-        ALIKE_S / max(float(np.median(np.diff(time[good]))), 1e-9),
+        5.0 / max(float(np.median(np.diff(time[good]))), 1e-9),
     )
     weight = 1.0 / (float(left @ left) / len(left) * alike + 1e-12)
     # the offset is integrated out
-    shown = normal[3, 3] * weight + OFFSET_SD**-2
+    # of the dip that is expected, rad: a world model does not know what is in the ground
+    shown = normal[3, 3] * weight + float(np.radians(0.5)) ** -2
     told = weight * normal[:3, :3] - np.outer(normal[:3, 3], normal[3, :3]) * weight**2 / shown
     right = weight * pull[:3] - weight**2 * normal[:3, 3] * pull[3] / shown
     # errors of the calibration are alike on all headings
     damped = np.linalg.inv(np.eye(3) + other_sd**2 * told)
     told, right = damped @ told, damped @ right
     size = sd
-    for _ in range(_TURNS):
+    for _ in range(100):
         covariance = np.linalg.inv(told + np.eye(3) / size**2)
         mean = covariance @ right
         size = max(float(np.sqrt((mean @ mean + np.trace(covariance)) / 3.0)), sd)
@@ -75,4 +69,5 @@ def find_lean_covariance(
         spread = float(np.linalg.slogdet(np.eye(3) + size**2 * told)[1])
         return float(right @ np.linalg.solve(told + np.eye(3) / size**2, right)) - spread
 
-    return np.asarray(lasting) if score(size) - score(sd) > SURE else unknown
+    # twice the gain of the log likelihood that a lean beyond the known one needs: χ² of one, 1 %
+    return np.asarray(lasting) if score(size) - score(sd) > 6.6 else unknown

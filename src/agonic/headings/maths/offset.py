@@ -30,13 +30,10 @@ from agonic.maths.estimation.filters.smoother import Sums, eliminate, sum_residu
 
 BIAS_SD = float(np.radians(1.0))
 """rad/s: of a gyro's bias on each axis, at the start, where nothing tells more."""
-BIAS_WALK = np.radians(0.0015)
-"""rad/s in √s: 0.01°/s in a minute, of a common gyro that warms up."""
 STATES = 5
 GYRO = 6
 """Of the shared errors, those of the gyro's gain: the first ones."""
 _FIELD, _BIAS = 1, np.arange(2, 5)
-_OPEN = 1e-9  # what is known of a state beforehand
 
 
 class Sizes(NamedTuple):
@@ -125,7 +122,7 @@ def assemble(seen: Observed, sizes: Sizes, weights: Array) -> System:
     total = compass.add(sum_residuals(np.zeros((n - 1, 1)), walk, by_gain, before, after))
     constant = total.cost - np.log(weight[told]).sum() - np.log(walk[seen.joined]).sum()
     total.params[range(p), range(p)] += 1.0
-    total.diagonal[:, range(STATES), range(STATES)] += _OPEN
+    total.diagonal[:, range(STATES), range(STATES)] += 1e-9
     at, read, precision = seen.rest.at, seen.rest.bias, 1.0 / seen.rest.variance[:, None]
     total.diagonal[at[:, None], _BIAS, _BIAS] += precision
     total.before[at[:, None], _BIAS] -= precision * read
@@ -133,7 +130,9 @@ def assemble(seen: Observed, sizes: Sizes, weights: Array) -> System:
     # what disturbs the compass and the gyro's bias go on by themselves: the share that is kept from
     # a moment to the next, the weight of what comes new, and that of the first moment
     kept = np.where(seen.joined, np.exp(-span / sizes.field_s), 0.0)[:, None]
-    fresh, drift = 1.0 / np.maximum(1.0 - kept**2, 1e-9), 1.0 / (BIAS_WALK**2 * span)[:, None]
+    # rad/s in √s: 0.01°/s in a minute, of a common gyro that warms up
+    drift = 1.0 / (np.radians(0.0015) ** 2 * span)[:, None]
+    fresh = 1.0 / np.maximum(1.0 - kept**2, 1e-9)
     own = ((np.array([_FIELD]), kept, fresh, 1.0), (_BIAS, 1.0, drift, seen.bias_sd**-2))
     for number, share, weight_of_new, first in own:
         total.diagonal[0, number, number] += first

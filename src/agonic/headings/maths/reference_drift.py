@@ -43,12 +43,6 @@ def average_over_drift(
     with s² = eᵀR⁻¹e/(n − k), or exp(−eᵀR⁻¹e/(2 s²)) in place of the last factor where the noise s
     of a reading is known. By it the covariances H s²R Hᵀ, H = (XᵀX)⁻¹Xᵀ, of all r are averaged
     (Hoeting et al. 1999). Rows X (n, k) and residuals are in the order they were taken.
-
-    >>> turn = np.radians(np.arange(0.0, 360.0, 30.0))
-    >>> rows = np.column_stack([np.ones(12), np.sin(turn), np.cos(turn)])
-    >>> left = np.resize([1.0, -1.0], 12)
-    >>> bool(average_over_drift(rows, left, np.eye(3)).probability < DRIFTING)
-    True
     """
     n, k = rows.shape
     if n <= k or n > MOST:
@@ -72,9 +66,6 @@ def add_drift(rows: Array, covariance: Array, drift_deg: float) -> Array:
 
     `drift_deg` is the standard deviation of what the reference changes by from the first reading to
     the last.
-
-    >>> add_drift(np.ones((4, 1)), np.zeros((1, 1)), 1.0).round(2).tolist()
-    [[0.71]]
     """
     slow, onto = _keep_over_swing(len(rows)), np.linalg.pinv(rows)
     ends = 2.0 * (slow[0, 0] - slow[0, -1])

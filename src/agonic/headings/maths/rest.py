@@ -16,7 +16,6 @@ from agonic.arrays import Array, Index, Mask
 
 SHORTEST_S = 3.0
 """Rates and acceleration have kept still for so long."""
-AVERAGED_S = 0.5
 STILL_RATE = float(np.radians(0.4))
 """rad/s: averages over half a second stay within, either way."""
 STILL_FORCE = 0.2
@@ -25,9 +24,6 @@ LARGEST_RATE = float(np.radians(3.0))
 """rad/s: a common gyro has no larger bias."""
 EARTH = 7.292e-5
 """rad/s: what the Earth's rotation adds, another share in each attitude."""
-TURNS = 3.0
-"""Standard errors by which the compass may seem to turn at rest; what it turns by beyond one is
-doubted."""
 FEWEST = 10
 """Moments in which it has to tell."""
 
@@ -50,15 +46,9 @@ NO_REST = Rest(np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros(0))
 
 
 def find_still(time: Array, rate: Array, force: Array) -> Mask:
-    """The rows (n,) where rates and acceleration (n, 3) keep still.
-
-    >>> time, quiet = np.arange(0.0, 20.0, 0.1), np.zeros((200, 3))
-    >>> moved = quiet + (time > 10.0)[:, None] * np.sin(time)[:, None]
-    >>> time[find_still(time, moved, quiet)].max().round(1) < 10.0
-    np.True_
-    """
+    """The rows (n,) where rates and acceleration (n, 3) keep still."""
     step = max(float(np.median(np.diff(time))), 1e-9)
-    short, long = (max(round(span / step), 1) for span in (AVERAGED_S, SHORTEST_S))
+    short, long = (max(round(span / step), 1) for span in (0.5, SHORTEST_S))
     if len(time) <= long:
         return np.zeros(len(time), dtype=bool)
     still = np.ones(len(time), dtype=bool)
@@ -89,7 +79,9 @@ def find_rest(time: Array, rate: Array, still: Mask, compass: Array, noise: Arra
         # neighbouring errors are alike: a second's count as one
         alike = max(1.0 / max(float(np.median(np.diff(when))), 1e-9), 1.0)
         turn_sd = float(np.sqrt(left @ left / max(len(when) - 2, 1) * alike / square))
-        if abs(turn) > TURNS * turn_sd:
+        # standard errors by which the compass may seem to turn at rest; what it turns by beyond
+        # one is doubted
+        if abs(turn) > 3.0 * turn_sd:
             continue
         # halves of it tell the noise, and a bias that drifts
         noise_sd = rate[span].std(axis=0).max() / np.sqrt(stop - start)

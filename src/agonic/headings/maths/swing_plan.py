@@ -22,11 +22,7 @@ def find_visited(compass_deg: Array) -> Array:
 
 
 def compute_largest_gap_deg(headings_deg: Array) -> float:
-    """The widest arc between neighbouring headings.
-
-    >>> compute_largest_gap_deg(np.array([350.0, 10.0, 100.0]))
-    250.0
-    """
+    """The widest arc between neighbouring headings."""
     ordered = np.sort(np.asarray(headings_deg) % 360.0)
     return float(np.diff(np.append(ordered, ordered[0] + 360.0)).max())
 
@@ -45,13 +41,7 @@ def compute_unit_sd(headings_deg: Array, chosen: Mask, at_deg: Array = CIRCLE_DE
 
 
 def compute_amplification(headings_deg: Array, chosen: Mask) -> float:
-    """The curve's largest standard error over that of as many headings evenly spread; 1 is best.
-
-    >>> round(compute_amplification(np.arange(0, 360, 45.0), np.ones(5, bool)), 3)
-    1.0
-    >>> compute_amplification(np.array([0.0, 90.0, 180.0, 270.0]), np.ones(5, bool))
-    inf
-    """
+    """The curve's largest standard error over that of as many headings evenly spread; 1 is best."""
     even = np.sqrt(chosen.sum() / len(headings_deg))
     return float(compute_unit_sd(headings_deg, chosen).max() / even)
 
@@ -62,9 +52,6 @@ def find_missing_deg(headings_deg: Array, chosen: Mask, enough: float) -> Array:
     A point counts as steered within half a point, 22.5°. Where that does not bring
     `compute_amplification` to `enough`, points of the sixteen follow, each where the curve is known
     worst.
-
-    >>> find_missing_deg(np.array([0.0, 90.0, 180.0, 270.0]), np.ones(5, bool), 2.0).tolist()
-    [45.0, 135.0, 225.0, 315.0]
     """
     have = np.asarray(headings_deg, dtype=np.float64)
     added = [float(h) for h in ROSE_DEG if _apart_deg(h, have) > 22.5]

@@ -18,10 +18,6 @@ from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.deviation import slope
 from agonic.maths.rotations.low_pass import low_pass
 
-SEEN_S = 2.0
-"""Over which the deviations of the field are averaged that tell what disturbs it."""
-LEAST_SEEN = np.radians(0.3)
-"""Deviations of the field below this tell nothing."""
 STEEPEST = 10.0
 """Tangent of the dip that is reckoned with at most."""
 
@@ -107,8 +103,9 @@ def measure_disturbance(
     told = moments.add(good.astype(np.float64))
     mean = moments.add(np.where(good[:, None], off, 0.0)) / np.maximum(told, 1.0)[:, None]
     square = (mean**2).sum(axis=1)
-    width = max(round(SEEN_S / float(np.median(np.diff(moments.time)))), 1)
+    width = max(round(2.0 / float(np.median(np.diff(moments.time)))), 1)
     there = uniform_filter1d((told > 0).astype(np.float64), width, mode="nearest")
     square = uniform_filter1d(square, width, mode="nearest") / np.maximum(there, 1e-9)
-    square = np.where(there > 1e-9, square, 0.0) + LEAST_SEEN**2
+    # deviations of the field below this tell nothing
+    square = np.where(there > 1e-9, square, 0.0) + np.radians(0.3) ** 2
     return np.asarray(square / np.mean(square[told > 0]))

@@ -12,8 +12,6 @@ from agonic.headings.gyro import GAP_S, LONGEST_STEP_S
 from agonic.headings.maths.gyro_heading import GyroHeading, carry_heading
 from agonic.maths.one_pass import interpolate
 
-SPACING_S = 0.1
-"""Between the moments at which compass and gyro are compared, at least."""
 MOST = 20_000
 """Moments of a log."""
 FEWEST = 50
@@ -77,7 +75,7 @@ def put_together(time: Array, known: Mask) -> Moments | None:
         return None
     local = time[rows]
     paused = np.diff(local) > GAP_S
-    spacing = max(SPACING_S, float(local[-1] - local[0]) / MOST)
+    spacing = max(0.1, float(local[-1] - local[0]) / MOST)
     cell = np.floor((local - local[0]) / spacing)
     start = np.flatnonzero(np.concatenate([[True], (np.diff(cell) > 0) | paused]))
     if len(start) < FEWEST:

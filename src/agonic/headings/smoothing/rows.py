@@ -21,10 +21,6 @@ from agonic.health.finding import figure
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.samples import Samples
 
-BETTER = 0.8
-"""The tilt by rates without the bias that was found is taken where its sd falls to this share."""
-CORRECTIONS = 2
-"""Times that the tilt is found anew."""
 UNUSED = "the gyro is not used"
 _TOO_LITTLE = f"{UNUSED}: too few readings are undisturbed"
 _IN_MOTION = ("gyro", "log")
@@ -50,13 +46,13 @@ def smooth_rows(
         return by_row, None, (f"{UNUSED}: {why}",)
     turn = find_rate_mounting(first, setup, by_row.compasses[0].compass.calibration)
     own = first
-    for _ in range(CORRECTIONS if by_row.tilt.source == "gyro" else 0):
+    for _ in range(2 if by_row.tilt.source == "gyro" else 0):
         found = _smooth(own, turn, by_row, setup, around, LIKELY)
         if found is None:
             return by_row, None, (_TOO_LITTLE,)
         changed = _correct_rates(own, turn, by_row, found)
         again = find(changed)
-        if not np.nanmedian(again.tilt.sd_deg) < BETTER * np.nanmedian(by_row.tilt.sd_deg):
+        if not np.nanmedian(again.tilt.sd_deg) < 0.8 * np.nanmedian(by_row.tilt.sd_deg):
             break
         own, by_row = changed, again
     smoothed = _smooth(own, turn, by_row, setup, around, None)

@@ -47,32 +47,16 @@ GAIN_SD = np.repeat([0.01, 0.004], 3)
 """Of a common gyro: the scale of each axis, and what goes into another."""
 STUDENT = 4.0
 """Degrees of freedom of the compass's noise: a reading far off counts less."""
-FILTER_DOUBT = 2.0
-"""Times its stated error that the filter's bias of a gyro may be off: it takes acceleration for
-noise, which lasts."""
 LEAST_BIAS_SD = float(np.radians(0.02))
 """rad/s."""
 TELLING = 3000
 """Moments by which the sizes are found."""
-LASTING_S = 30.0
-"""Of what disturbs for so long half the variance is taken to last for the whole log: few such
-stretches do not tell that their mean is zero."""
 SHOWN = 0.1
 """Mean square of the part of down along an axis that shows the gyro's bias about it."""
-ESTIMATED = 2.0
-"""Heading and drift of the gyro, which the disturbances that are seen are about."""
-FEWEST_SQUARES = 2.5
-"""Independent squares by which a variance is found, at least: with two it would have no mean."""
 FOLLOWED_S = 10.0
 """Over which the compass is averaged where the estimate starts."""
-STEADY_S = 5.0
-"""What errors that last do within that is not looked at: where a vehicle rocks, errors of the tilt
-and of the model do the same."""
 SOUND_S = 5.0
 """A row is relied on where most of those within this time are as they should be."""
-SOUND_SHARE = 0.8
-_ROUNDS = 5
-_SIZED = (1, 3)  # rounds that find the sizes anew
 
 
 class SmoothedHeading(NamedTuple):
@@ -129,7 +113,9 @@ def smooth_headings(
     # times the tangent of the dip; a recorded tilt leans with the body
     across = np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1]
     by_lean = np.nan_to_num(across) @ np.linalg.cholesky(found_lean)
-    shared = moments.smooth(np.nan_to_num(np.hstack([columns, by_lean])), STEADY_S)
+    # what errors that last do within that is not looked at: where a vehicle rocks, errors of the
+    # tilt and of the model do the same
+    shared = moments.smooth(np.nan_to_num(np.hstack([columns, by_lean])), 5.0)
     axes = find_shown_axes(level[moments.rows, 2])
     observed = observed._replace(
         by_bias=observed.by_bias @ axes @ axes.T,
@@ -161,7 +147,9 @@ def _find_bias_sd(attitude: Attitude) -> float:
     """How well the gyro's bias is known: of a filter's what it says of it, doubted."""
     if attitude.gyro_bias is None:
         return BIAS_SD
-    return min(max(FILTER_DOUBT * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
+    # times its stated error that the filter's bias of a gyro may be off: it takes acceleration
+    # for noise, which lasts
+    return min(max(2.0 * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
 
 
 def _find_rest(
@@ -182,7 +170,7 @@ def _find_sound(one: CompassRows, time: Array) -> Mask:
         sound &= one.distance <= 1.0
     width = max(round(SOUND_S / float(np.median(np.diff(time)))), 1)
     share = uniform_filter1d(sound.astype(np.float64), width, mode="nearest")
-    return np.asarray(sound & (share >= SOUND_SHARE))
+    return np.asarray(sound & (share >= 0.8))
 
 
 def find_shown_axes(down: Array) -> Array:
@@ -190,9 +178,6 @@ def find_shown_axes(down: Array) -> Array:
 
     A bias about another hardly turns the heading: found all the same, it follows errors of the
     tilt, which lean the vertical and disturb the compass at once.
-
-    >>> find_shown_axes(np.array([[0.0, 0.1, 1.0], [0.0, -0.1, 1.0]])).T.tolist()
-    [[0.0, 0.0, 1.0]]
     """
     shown, axes = np.linalg.eigh(down.T @ down / len(down))
     return np.asarray(axes[:, shown > SHOWN])
@@ -247,8 +232,9 @@ def _estimate(seen: Observed, sizes: Sizes | None, by_tilt: float) -> SmoothedHe
     count = np.concatenate([[0], np.cumsum(told)])
     low = int(np.argmax(count[TELLING:] - count[:-TELLING])) if len(told) > TELLING else 0
     high = min(low + TELLING, len(told))
-    for turn in range(_ROUNDS):
-        if sizes is None and turn in _SIZED:
+    for turn in range(5):
+        # find the sizes anew
+        if sizes is None and turn in (1, 3):
             chosen = seen.subset(low, high)
             found_sizes = find_sizes(chosen, weights[low:high], found_sizes, by_tilt)
         system = assemble(seen, found_sizes, weights)
@@ -262,10 +248,14 @@ def _estimate(seen: Observed, sizes: Sizes | None, by_tilt: float) -> SmoothedHe
     # of a Gauss–Markov process are independent after its time constant; what the tilt's errors told
     # counts for as many as it has weight
     field, lasts_s = found_sizes.field, found_sizes.field_s
-    squares = max((seen.time[high - 1] - seen.time[low]) / lasts_s - ESTIMATED, 0.0)
-    squares = max(squares + (by_tilt > LIKELY.field) * 0.5 / TOLD_LOG_SD**2, FEWEST_SQUARES)
+    # heading and drift of the gyro, which the disturbances that are seen are about
+    squares = max((seen.time[high - 1] - seen.time[low]) / lasts_s - 2.0, 0.0)
+    # independent squares by which a variance is found, at least: with two it would have no mean
+    squares = max(squares + (by_tilt > LIKELY.field) * 0.5 / TOLD_LOG_SD**2, 2.5)
     doubt = squares / (squares - 2.0)
-    lasting = lasts_s / (lasts_s + LASTING_S)
+    # of what disturbs for so long half the variance is taken to last for the whole log: few such
+    # stretches do not tell that their mean is zero
+    lasting = lasts_s / (lasts_s + 30.0)
     return SmoothedHeading(
         found.states[:, 0],
         find_variances(system, found, doubt) + doubt * lasting * field**2,

@@ -32,17 +32,12 @@ BIAS_DRIFT = next(term for term in TIME if term.name == "bias drift")
 """What gives all courses their scale."""
 LIKELY = 0.1
 """Probability of each, before the readings are seen; assumed, evidence of 10 to 1 outweighs it."""
-CERTAIN = 1 - 1e-9
 CLEAR = 5.0
 """Log-odds from which a course is spoken of, 150 to 1; in the standard error all of them are."""
 FEWEST = 0.05
 """Share of the record in sunlight, and in shadow, that tells one from the other."""
 SHORT_S, SHORTEST_S = 900.0, 60.0
 """A sixth of a low orbit, for errors in the axes of the sensor; for others a minute."""
-LARGE = 1e-3
-"""Of the field: more than crust and polar currents leave along the field but seldom."""
-SHARE = 0.25
-"""Of the standard deviation of a residual."""
 
 
 class Course(NamedTuple):
@@ -183,7 +178,7 @@ def weigh_courses(
 
 def average_over_size(solution: Solution, own: Index) -> Solution:
     """A solution averaged over the size of the term whose coefficients are `own`."""
-    gram, order, prior, groups = _arrange(solution, [own], CERTAIN)
+    gram, order, prior, groups = _arrange(solution, [own], 1 - 1e-9)
     base = solve(gram, prior, groups, {})
     term = average(gram, base, groups[0])
     m, onto = len(base.columns), np.vstack([-term.alias, np.eye(len(own))])
@@ -221,7 +216,9 @@ def measure_short_error(estimate: Estimate) -> float:
         limit = SHORT_S if error.geometry == OF_SENSOR else SHORTEST_S
         variance += error.variance * (error.time_s < limit)
     sd = float(np.sqrt(variance))
-    return sd if sd > max(LARGE, SHARE * estimate.noise["magnitude"].sd) else 0.0
+    # of the field: more than crust and polar currents leave along the field but seldom
+    # of the standard deviation of a residual
+    return sd if sd > max(1e-3, 0.25 * estimate.noise["magnitude"].sd) else 0.0
 
 
 def _grow(estimate: Estimate, added: Array) -> Estimate:

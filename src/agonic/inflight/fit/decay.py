@@ -17,11 +17,6 @@ from agonic.inflight.fit.solve import find_estimate
 from agonic.inflight.fit.torquers import find_settling_s, is_settling
 from agonic.maths.estimation.inference import find_move
 
-E_FOLDINGS = 3.0
-"""Time constants after which what is left of a switch is no longer seen, about."""
-_ROUNDS = 6
-_STEP = 0.05
-
 
 def settle_torquers(
     problem: Problem, estimate: Estimate, since: Array, step_s: float, *, follows: bool
@@ -59,8 +54,9 @@ def _follow(
 ) -> tuple[Problem, Estimate]:
     """Problem and estimate in which the field follows the commands with a time constant."""
     settings = replace(problem.settings, drift_knots=max(estimate.terms.splines - 2, 0))
-    constant_s, sd_s = settling_s / E_FOLDINGS, float("inf")
-    for _ in range(_ROUNDS):
+    # time constants after which what is left of a switch is no longer seen, about
+    constant_s, sd_s = settling_s / 3.0, float("inf")
+    for _ in range(6):
         moved, sd_s = _measure_move(replace(problem, settings=settings), commands, constant_s)
         constant_s += float(np.clip(moved, -constant_s / 2, constant_s))
         if abs(moved) < 0.1 * sd_s:
@@ -80,7 +76,7 @@ def _measure_move(
 ) -> tuple[float, float]:
     """How far the record wants the time constant moved, s, and the standard error: by the commands
     that follow with it, and how these change with it, as sources."""
-    by = _STEP * constant_s
+    by = 0.05 * constant_s
     before, here, after = (
         restore(problem.samples.columns(), dict.fromkeys(commands, Timing(time_constant_s=-one)))
         for one in (constant_s - by, constant_s, constant_s + by)

@@ -30,14 +30,9 @@ CERTAIN = 2.5
 """Standard errors, over the blocks, by which unseen readings must fit better for more knots."""
 DOUBT = 1.0
 """Standard errors by which they may fit worse: wide errors are better than a swing missed."""
-ROWS_AN_INTERVAL = 40
 BLOCKS_AN_INTERVAL = 4
 """Blocks held out are this much shorter than the shortest interval, so that it is seen."""
-_FEWEST_BLOCKS = 10
 _STRETCHES_A_BLOCK = 8
-_ROUNDS = 3
-PLACES = 40
-"""Places of a step that are tried first."""
 
 
 class Stretches(NamedTuple):
@@ -69,7 +64,7 @@ def choose_intervals(
         return fit(asked), {}
     candidates = list_candidates(int(problem.used.sum()))
     best = 0
-    for _ in range(_ROUNDS):
+    for _ in range(3):
         estimate = fit(best)
         found, errors = _compare(candidates, sum_stretches(problem, estimate, candidates[-1]))
         if found == best:
@@ -81,7 +76,7 @@ def choose_intervals(
 def list_candidates(rows: int) -> list[int]:
     """The numbers of intervals to try."""
     doublings = [1 << k for k in range(MOST_INTERVALS.bit_length())]
-    return [0, *(k for k in doublings if rows > ROWS_AN_INTERVAL * (k + DEGREE))]
+    return [0, *(k for k in doublings if rows > 40 * (k + DEGREE))]
 
 
 def sum_stretches(problem: Problem, estimate: Estimate, intervals: int) -> Stretches:
@@ -91,7 +86,7 @@ def sum_stretches(problem: Problem, estimate: Estimate, intervals: int) -> Stret
     splines = np.zeros(layout.parameters, dtype=bool)
     splines[layout.bias_columns(slice(terms.splines))] = True
     used = np.flatnonzero(problem.used)
-    count = max(BLOCKS_AN_INTERVAL * intervals, _FEWEST_BLOCKS) * _STRETCHES_A_BLOCK
+    count = max(BLOCKS_AN_INTERVAL * intervals, 10) * _STRETCHES_A_BLOCK
     stretch = used * count // len(problem.used)
     m = int((~splines).sum())
     gram = np.zeros((count, m + 1, m + 1))
@@ -173,7 +168,8 @@ def find_step(stretches: Stretches, intervals: int) -> Step:
 
     by_spline, _ = measure(evaluate_spline(seconds, place_knots(0.0, 1.0, intervals)))
     by_drift, _ = measure(seconds[:, None])
-    last, wide = len(seconds) - 2, max(len(seconds) // PLACES, 1)
+    # places of a step that are tried first
+    last, wide = len(seconds) - 2, max(len(seconds) // 40, 1)
     near = min(place(k) for k in range(wide, last, wide))[2]
     left, size, after = min(place(k) for k in range(max(near - wide, 2), min(near + wide, last)))
     middle = float(seconds[after - 1] + seconds[after]) / 2

@@ -28,25 +28,14 @@ if TYPE_CHECKING:
     from agonic.inflight.fit.result import InflightFit
 
 
-ORBITAL_M_S = 3000.0
 SOME, MORE = 400, 1000
 """Readings on which mistakes of the track, and names of axes, are tried."""
 FAR_BETTER = 0.5
 """A cause is named when it would leave less than this share of what is unexplained."""
-BETTER = 0.75
-"""The same for a clock's error, which is found to the second: chance does not make it."""
-HARDLY_CHANGES = 1e-3
-"""Scatter of the reference over its mean below which no place nor time can be told by it."""
 CLOCK_OFF_S = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0)
 """Errors of a clock, or along a track of old elements, that are tried before the nearest second."""
 FAR = 0.1
 """Move of the bias over the field from which other names of the axes are tried."""
-DOUBTFUL = 0.25
-"""Move of the bias over the field that hardware hardly makes."""
-NEARER = 1 / 3
-"""Other names must leave so much of the move, or less."""
-WORSE = 1.1
-"""Residuals with other names over those of the best, up to which they do as well."""
 
 
 class Cause(NamedTuple):
@@ -64,7 +53,7 @@ def find_impossible_track(samples: Samples) -> Cause | None:
     altitude = 0.0 if samples.altitude_m is None else float(np.median(samples.altitude_m))
     east = np.diff(np.unwrap(longitude, period=360.0)) * np.cos(np.radians(latitude[1:]))
     speed = np.radians(np.hypot(np.diff(latitude), east)) * REFERENCE_RADIUS_M / np.diff(time)
-    if np.median(speed) < ORBITAL_M_S or altitude > LOWEST_ORBIT_M:
+    if np.median(speed) < 3000.0 or altitude > LOWEST_ORBIT_M:
         return None
     return Cause(
         f"the track moves at {figure(float(np.median(speed)) / 1000)} km/s at a height of "
@@ -80,7 +69,8 @@ def find_likely_cause(fit: InflightFit, problem: Problem, samples: Samples) -> C
     With the bias far from the ground's the mistake must explain the readings without the ground
     calibration as well: that of another sensor adds errors which change with temperature.
     """
-    if float(np.std(problem.wanted)) < HARDLY_CHANGES:
+    # no place nor time can be told by it
+    if float(np.std(problem.wanted)) < 1e-3:
         return None
     found = _find_best(problem, samples, problem.samples.field)
     if found is None or problem.ground is None or not _is_far(fit, problem):
@@ -97,7 +87,8 @@ def _find_best(problem: Problem, samples: Samples, field: Array) -> Cause | None
     now = _misfit(some)
     best, found = FAR_BETTER * now, None
     off = _find_clock_mistake(some, samples)
-    if off is not None and (left := _misfit_after(off, some, samples)) < BETTER * now:
+    # found to the second: chance does not make it
+    if off is not None and (left := _misfit_after(off, some, samples)) < 0.75 * now:
         words = f"positions {off:.0f} s off in time would explain it".replace("-", "−")
         move = "check the clock of the log, and the age of two-line elements"
         best, found = min(left, best), Cause(words, move)
@@ -245,7 +236,7 @@ def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> I
         return
     what = f"the bias is {figure(moved)} nT from that of the ground"
     names, left, plain = _find_nearest(problem, samples)
-    if names and left < min(NEARER * min(moved, plain), FAR * problem.magnitude):
+    if names and left < min(min(moved, plain) / 3, FAR * problem.magnitude):
         move = "give the readings in the axes in which the sensor was calibrated"
         what = f"{what}, and {figure(left)} nT if since then {names}"
         yield Finding("axes of the ground calibration", "refuse", what, move)
@@ -257,7 +248,7 @@ def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> I
 
 def _is_far(fit: InflightFit, problem: Problem) -> bool:
     """Whether the bias moved since the ground by more than hardware hardly makes."""
-    return bool(np.linalg.norm(fit.change.bias) >= DOUBTFUL * problem.magnitude)
+    return bool(np.linalg.norm(fit.change.bias) >= 0.25 * problem.magnitude)
 
 
 def _find_nearest(problem: Problem, samples: Samples) -> tuple[str, float, float]:
@@ -278,7 +269,7 @@ def _find_nearest(problem: Problem, samples: Samples) -> tuple[str, float, float
         solution = np.linalg.lstsq(design, known, rcond=None)[0]
         size = float(np.linalg.norm(solution[:3])) * problem.magnitude
         tried.append((size, robust_scale(known - design @ solution, 4), turn))
-    limit = WORSE * min(left for _, left, _ in tried)
+    limit = 1.1 * min(left for _, left, _ in tried)
     moved, _, turn = min((one for one in tried if one[1] <= limit), key=lambda one: one[0])
     words = "" if np.array_equal(turn, np.eye(3)) else describe_renaming(turn)
     return words, moved, tried[0][0]

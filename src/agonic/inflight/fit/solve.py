@@ -49,12 +49,6 @@ def _compute_spread_ratio(kind: str, before: dict[str, float], now: dict[str, fl
     return float(np.hypot(least, now[kind]) / np.hypot(least, before[kind]))
 
 
-FEWEST_STRETCHES = 120
-_ENOUGH = 3000  # readings for a start without a ground calibration
-_ROTATED_RAD = 1e-6
-_ROUNDS = 5
-
-
 def find_estimate(problem: Problem) -> tuple[Problem, covariance.Estimate]:
     """The estimate, and the problem with the rows and the rotation that were settled on the way."""
     first = find_start(problem)
@@ -64,7 +58,7 @@ def find_estimate(problem: Problem) -> tuple[Problem, covariance.Estimate]:
     )
     intervals = estimate.terms.intervals
     limit = problem.settings.residual_limit
-    for _ in range(_ROUNDS if limit is not None else 0):
+    for _ in range(5 if limit is not None else 0):
         assert limit is not None
         r = compute_residuals_of(problem, estimate, "magnitude")
         near = problem.used & ~(np.abs(r) * problem.magnitude > limit)
@@ -102,7 +96,7 @@ def add_covariance(
 ) -> covariance.Estimate:
     """The estimate with the covariance under correlated errors, by all readings that a source
     gives, as `state_errors` has it; as it is where there are too few to tell the correlation."""
-    if clock.count < FEWEST_STRETCHES:
+    if clock.count < 120:
         return estimate
     prior = build_prior(problem, estimate.terms, estimate.layout)
     _, jacobian = prior(estimate.solution.params)
@@ -121,9 +115,9 @@ def find_start(problem: Problem) -> Array:
     if problem.ground is not None:
         return residuals.Layout(SYMMETRIC, 0, 0).start
     rows, asked = np.flatnonzero(problem.used), problem.settings
-    if len(rows) > _ENOUGH:
+    if len(rows) > 3000:
         rng = np.random.default_rng(asked.seed)
-        rows = np.sort(rng.choice(rows, _ENOUGH, replace=False))
+        rows = np.sort(rng.choice(rows, 3000, replace=False))
     points = problem.samples.field[rows] / problem.magnitude
     known = Known(points, problem.wanted[rows], "full", asked.soft_iron_sd)
     found = maximum_likelihood.estimate(known, robust=asked.robust, seed=asked.seed)
@@ -223,11 +217,11 @@ def _with_attitude(
     seen = field / np.linalg.norm(field, axis=1)[:, None]
     aim = problem.direction.aim[problem.used]
     rotation = find_best_rotation(seen, aim, estimate.weight)
-    for _ in range(_ROUNDS):
+    for _ in range(5):
         problem = replace(problem, rotation=rotation)
         estimate = fit_rows(problem, estimate, problem.used, intervals)
         left = rotation_of(estimate)
-        if np.abs(left - np.eye(3)).max() < _ROTATED_RAD:
+        if np.abs(left - np.eye(3)).max() < 1e-6:
             break
         rotation = rotation @ left
     return problem, estimate

@@ -16,8 +16,6 @@ DIPOLE = "_Am2"
 """How the names of columns end that hold the dipole that a torquer is told to make."""
 LONGEST = 60
 """Readings after a switch within which torquers may settle."""
-SURELY = 4.0
-"""Standard errors by which squares of residuals must be larger after a switch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,13 +63,7 @@ class Switches:
         self._before: Array | None = None
 
     def measure_since(self, samples: Samples) -> Array:
-        """Seconds since the last change, (n,); infinite before the first. The pieces come in order.
-
-        >>> pulse = Samples(field=np.ones((4, 3)), time=np.arange(4.0),
-        ...                 disturbers={"torquer_x_Am2": [0.0, 0.2, 0.2, 0.2]})
-        >>> Switches(("torquer_x_Am2",)).measure_since(pulse).tolist()
-        [inf, 0.0, 1.0, 2.0]
-        """
+        """Seconds since the last change, (n,); infinite before the first. The pieces come in order."""
         assert samples.time is not None
         if not self._commands or not len(samples):
             return np.full(len(samples), np.inf)
@@ -109,7 +101,8 @@ def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
     last = -1
     for k in range(LONGEST):
         own = np.square(residuals[number == k])
-        if len(own) < 8 or own.mean() - usual < SURELY * spread / np.sqrt(len(own)):
+        # standard errors
+        if len(own) < 8 or own.mean() - usual < 4.0 * spread / np.sqrt(len(own)):
             break
         last = k
     return (last + 1) * step_s

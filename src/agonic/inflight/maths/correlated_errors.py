@@ -27,9 +27,6 @@ from agonic.arrays import Array, Index
 STRETCHES = 20_000
 """Stretches of time that a record is summed up in; within one nothing turns much."""
 _GROUPS = 40
-_LONGEST = 1 / 3  # of the record: products at longer lags say little
-_CHANCE = 16.0  # χ² by which correlated errors must explain the products better than none
-_STEP = 2.0
 
 
 class Sums(NamedTuple):
@@ -105,13 +102,13 @@ def find_correlated_errors(
     from scipy.optimize import nnls  # slow to load
 
     k = len(sums.weight)
-    longest = max(int(k * _LONGEST), 1)
+    longest = max(k // 3, 1)
     if k < 3 * _GROUPS:
         return ()
     lags = np.arange(1, longest)
     edges = np.unique(np.geomspace(1, longest, _GROUPS).astype(int))
     starts = edges[:-1] - 1
-    taus = np.geomspace(1.0, longest, max(int(np.log(longest) / np.log(_STEP)), 2))
+    taus = np.geomspace(1.0, longest, max(int(np.log2(longest)), 2))
 
     def group(products: Array) -> Array:
         return np.asarray(np.add.reduceat(products, starts))
@@ -135,7 +132,8 @@ def find_correlated_errors(
     design = np.stack([column for _, column in columns], axis=1) / sd[:, None]
     size = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     amplitude, left = nnls(design / size, seen / sd)
-    if float((seen / sd) @ (seen / sd)) - left**2 < _CHANCE:
+    # χ² by which correlated errors must explain the products better than none
+    if float((seen / sd) @ (seen / sd)) - left**2 < 16.0:
         return ()
     return tuple(
         of._replace(variance=float(a / s))

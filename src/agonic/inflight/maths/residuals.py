@@ -84,11 +84,7 @@ class Layout(NamedTuple):
 
     @property
     def parameters(self) -> int:
-        """All of them.
-
-        >>> Layout("free", 2, 1).parameters
-        24
-        """
+        """All of them."""
         return self.constants + 3 * self.bias_terms + 6 * self.matrix_terms
 
     @property

@@ -13,8 +13,6 @@ from agonic.report.digits import group_digits, quantity
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
 
-PER_COLUMN = 25
-"""Readings that a column needs on average before its quartiles are drawn."""
 MOST_SHADOWS = 60
 """Stretches of shadow beyond which they are too narrow to be drawn."""
 CELLS = (90, 45)
@@ -57,7 +55,8 @@ def draw_along(flight: Flight, values: Array, label: str, limit: float) -> Marku
         values, residuals = values[flight.used], residuals[flight.used]
     low, high = float(values.min()), float(values.max())
     x = Axis(label, low, high if high > low else low + 1.0)
-    most = int(np.clip(len(values) // PER_COLUMN, 8, 180))
+    # readings that a column needs on average before its quartiles are drawn
+    most = int(np.clip(len(values) // 25, 8, 180))
     columns = Columns(x, values, most)
     layers = strips.residuals(columns, _axis(limit), residuals)
     signs = strips.arrows(columns, _axis(limit), residuals)

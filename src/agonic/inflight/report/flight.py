@@ -25,10 +25,7 @@ from agonic.samples import Samples
 
 FIXED = 2 * prior.FIXED
 """Relative standard error below which a number was fixed."""
-CURVE = 600
-"""Moments at which a bias is drawn."""
 _NAMES = ("x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
-_ENOUGH = 1 << 19  # readings from which a correlation is known well enough
 
 
 class Comparison(NamedTuple):
@@ -67,13 +64,7 @@ class Numbers(NamedTuple):
 
 
 def compare(before: Affine | None, after: Affine, note: str = "") -> tuple[Numbers, ...]:
-    """Bias and symmetric matrix before and after: of the turn magnitudes say nothing.
-
-    >>> made = Affine(bias=[100.0, 0, 0], matrix=np.eye(3), covariance=np.eye(9) * 0.25)
-    >>> bias, _ = compare(made, made)
-    >>> bias.rows[0].sigmas, round(bias.rows[0].change_sd, 3)
-    (0.0, 0.707)
-    """
+    """Bias and symmetric matrix before and after: of the turn magnitudes say nothing."""
     unknown = [None] * 9
     flight, flight_sd = _find_nine(after)
     ground, ground_sd = (unknown, None) if before is None else _find_nine(before)
@@ -159,7 +150,7 @@ def flight_of_fit(fit: InflightFit, samples: Samples | None = None) -> Flight:
     """A fit in flight as the page takes it; with the samples, which know where each row was."""
     if samples is not None and len(samples) != len(fit.residuals):
         samples = None
-    moments = np.linspace(fit.drift.start, fit.drift.stop, CURVE)
+    moments = np.linspace(fit.drift.start, fit.drift.stop, 600)
     before, after, note = fit.before, fit.after, ""
     if before is None and fit.ground is not None:  # no bias and matrix: what flight adds to it
         before, after = Affine(bias=np.zeros(3), matrix=np.eye(3)), fit.change
@@ -183,7 +174,7 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
     state, base = tracker.state, tracker.state.base
     time = tracker.seconds(samples)
     whole = np.vstack([tracker.history, [state.time, *state.bias, *state.bias_sd]])
-    latest = slice(-_ENOUGH, None)
+    latest = slice(-(1 << 19), None)
     # of a start the predictions say how little was known, and nothing of model and noise
     used = found.used & found.foretold
     lasting_nT, lasting_s = measure_correlated_errors(time, found.residual, used)

@@ -29,11 +29,7 @@ from agonic.report.verdict import sentence
 
 NAMED = 0.1
 """Share of the variance from which a cause is named."""
-FARTHEST = 12.0
-"""Standard errors that a bar shows at most; the number beside it has no end."""
 _BINS = 12
-_CLIP = 4.0  # standard deviations at which an outlier counts no more
-_FINE_DEG = 0.05  # standard errors below this are shown in arcseconds
 
 CAUSES = {
     "time": "a bias that drifts: allow it more knots, or a larger walk",
@@ -74,7 +70,8 @@ def explain(flight: Flight) -> list[Share]:
     values = flight.residuals[used]
     if len(values) < 2 * _BINS:
         return []
-    scale = _CLIP * max(robust_scale(values - np.median(values)), 1e-12)
+    # standard deviations at which an outlier counts no more
+    scale = 4.0 * max(robust_scale(values - np.median(values)), 1e-12)
     values = np.clip(values - np.median(values), -scale, scale)
     alone = max(len(values) / flight.correlation, 1.0)
     along = {"time": flight.time, "latitude": flight.latitude_deg}
@@ -153,7 +150,7 @@ def compare_numbers(numbers: tuple[Numbers, ...]) -> Section:
 
 def _tabulate(groups: list[Numbers], known: bool) -> Markup:
     sigmas = [abs(q.sigmas) for g in groups for q in g.rows if q.sigmas is not None]
-    reach = float(np.clip(1.2 * max(sigmas, default=3.0), 4.0, FARTHEST))
+    reach = float(np.clip(1.2 * max(sigmas, default=3.0), 4.0, 12.0))
     head = ["Number", "Flight"]
     if known:
         head = ["Number", "Ground", "Flight", "Change", "in σ", "change over its standard error"]
@@ -278,7 +275,8 @@ def describe_direction(fit: InflightFit) -> list[Section]:
             [
                 f"about {axis}",
                 with_sd(float(turn[k]), float(sd[k])),
-                quantity(3600.0 * float(sd[k]), "″", 2) if sd[k] < _FINE_DEG else degrees(sd[k]),
+                # smaller ones in arcseconds
+                quantity(3600.0 * float(sd[k]), "″", 2) if sd[k] < 0.05 else degrees(sd[k]),
             ]
             for k, axis in enumerate("xyz")
         ]

@@ -25,9 +25,6 @@ DIPOLE_E = np.array([0.0478, -0.1539, 0.9869])
 ACROSS = 0.5
 """Share of the ring current's field that is seen square to the dipole."""
 
-_WOBBLE_DEG = 3.0
-_PULSE_S = 20.0
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Way:
@@ -78,7 +75,7 @@ def draw_attitude_nb(
     right = np.cross(down, way.velocity, axis=0)
     right /= np.linalg.norm(right, axis=0)
     level = _in_n(np.stack([np.cross(right, down, axis=0), right, down], axis=1), way)
-    wobble = [draw_smooth(rng, time[-1], sd=_WOBBLE_DEG, pace_s=pace_s)(time) for _ in range(3)]
+    wobble = [draw_smooth(rng, time[-1], sd=3.0, pace_s=pace_s)(time) for _ in range(3)]
     return level * Rotation.from_rotvec(np.radians(np.stack(wobble, axis=1)))
 
 
@@ -136,7 +133,7 @@ def draw_pulses(
     rng: np.random.Generator, time: Array, size: float, share: float
 ) -> tuple[Array, Mask]:
     """What torquers add (n, 3), nT, in pulses of 20 s of random direction, and when they are on."""
-    number = (time // _PULSE_S).astype(np.intp)
+    number = (time // 20.0).astype(np.intp)
     on = rng.uniform(size=number[-1] + 1) < share
     each = size * draw_directions(rng, number[-1] + 1)
     return on[number, None] * each[number], np.asarray(on[number])

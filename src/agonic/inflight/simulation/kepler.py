@@ -14,9 +14,6 @@ GRAVITATION_M3_S2 = 3.986004418e14
 OBLATENESS = 1.08262668e-3
 """μ and J2 of the Earth (NIMA TR8350.2, EGM96)."""
 
-_NEWTON_STEPS = 10
-_LOWEST_M = 100_000.0
-
 
 @dataclass(frozen=True, kw_only=True)
 class Orbit:
@@ -36,7 +33,7 @@ class Orbit:
 
     def __post_init__(self) -> None:
         lowest = self.semi_major_m * (1 - self.eccentricity) - SEMI_MAJOR_M
-        if not (0 <= self.eccentricity < 1 and lowest > _LOWEST_M):
+        if not (0 <= self.eccentricity < 1 and lowest > 100_000.0):
             raise AgonicError(
                 f"an orbit of eccentricity {self.eccentricity} comes down to "
                 f"{lowest / 1e3:.0f} km; it needs 100 km"
@@ -54,11 +51,7 @@ class Orbit:
 
     @property
     def period_s(self) -> float:
-        """2π over the mean motion, s.
-
-        >>> round(Orbit().period_s / 60, 1)
-        94.6
-        """
+        """2π over the mean motion, s."""
         return 2 * np.pi / self.motion_rad_s
 
 
@@ -75,7 +68,7 @@ def compute_state_i(orbit: Orbit, time: Array) -> tuple[Array, Array]:
     perigee = np.radians(orbit.perigee_deg) + slow * (5 * np.cos(tilt) ** 2 - 1) * time
     mean = np.radians(orbit.anomaly_deg) + rate * time
     anomaly = mean
-    for _ in range(_NEWTON_STEPS if e > 0 else 0):  # M = E − e sin E
+    for _ in range(10 if e > 0 else 0):  # M = E − e sin E
         anomaly = anomaly - (anomaly - e * np.sin(anomaly) - mean) / (1 - e * np.cos(anomaly))
     flat = np.sqrt(1 - e**2)
     swift = a * rate / (1 - e * np.cos(anomaly))

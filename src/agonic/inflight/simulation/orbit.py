@@ -28,10 +28,6 @@ from agonic.simulation.draws import draw_directions
 from agonic.simulation.thermal import random_drifting
 from agonic.units import RAW
 
-MAGNITUDES = (20_000.0, 55_000.0)
-"""Fields of the coil, nT: those that an orbit meets."""
-SWEEP_S = 600.0
-
 
 def simulate_ground(
     made: SimulatedOrbit, *, n: int = 4000, noise: float = 100.0, seed: int = 0
@@ -46,8 +42,9 @@ def simulate_ground(
     rng = np.random.default_rng((seed, 7))
     time = np.arange(float(n))
     low, high = RANGE_C
-    temperature = (low + high) / 2 - (high - low) / 2 * np.cos(2 * np.pi * time / SWEEP_S)
-    field_m = draw_directions(rng, n) * rng.uniform(*MAGNITUDES, (n, 1))
+    temperature = (low + high) / 2 - (high - low) / 2 * np.cos(2 * np.pi * time / 600.0)
+    # fields of the coil, nT: those that an orbit meets
+    field_m = draw_directions(rng, n) * rng.uniform(20_000.0, 55_000.0, (n, 1))
     raw = _simulate_readings(made.ground, field_m, temperature)
     samples = Samples(
         time=time,
@@ -62,8 +59,6 @@ def simulate_ground(
 
 POINTINGS = ("nadir", "tumble")
 DIPOLES = ("torquer_x_Am2", "torquer_y_Am2", "torquer_z_Am2")
-DIPOLE_AM2 = 0.2
-"""Dipole of a simulated torquer in a pulse."""
 RANGE_C = (-30.0, 50.0)
 """Temperatures between which a drawn sensor's bias changes by as much as was asked."""
 
@@ -198,7 +193,7 @@ def simulate_orbit(
     )
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
     pulsed, on = aboard.draw_pulses(rngs.torquer, time, torquer, torquer_share)
-    dipole = pulsed * (DIPOLE_AM2 / (torquer or 1.0))
+    dipole = pulsed * (0.2 / (torquer or 1.0))
     told = torquer > 0 and torquer_settling_s is not None
     pulsed = aboard.settle(pulsed, time, torquer_settling_s or 0.0)
     raw = _simulate_readings(truth, field_m, temperature) + moving + pulsed

@@ -32,17 +32,7 @@ EVENT_S = 2.0
 LOST_S = 10.0
 """Jumps that go on for longer are none: field and bias are unknown, and found anew."""
 
-_FINEST = 1e-4  # of the field: the least noise that readings of few bits are taken to have
 _LOOK = 16  # readings between which an opening is looked at
-_LASTING_S = 1.0  # what a gyro's bias of unknown direction adds up for
-_APART = (1, 2, 4, 8, 16)  # readings: pairs by which a noise is found
-_APART_S = 0.04  # so long a gyro turns true
-_ROUNDS = 4  # in which a noise is found
-_NEAR = 0.3  # an error of the matrix that few readings can tell
-_RELEASED = 0.02  # of the field: the standard error of a bias at which the rest is estimated too
-_MEASURED = 0.01  # of the field: the standard error of a bias after a jump that is told
-_LOOSE = 3.0  # standard errors of an opening that is left
-_FAR = 3.0  # fields: how far the first one may be from nothing
 
 
 def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerState:
@@ -60,7 +50,7 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
     covariance = np.zeros((16, 16))
     coefficients = np.r_[3:6, 10:16]
     covariance[np.ix_(coefficients, coefficients)] = state.turned.covariance[:9, :9]
-    spread = [(_FAR * gain * size) ** 2] * 3 + [moved**2] * 3 + [params.gyro_bias_sd**2] * 3
+    spread = [(3.0 * gain * size) ** 2] * 3 + [moved**2] * 3 + [params.gyro_bias_sd**2] * 3
     covariance += np.diag([*spread, params.delay_sd_s**2, *[away**2] * 6])
     if row[7] == 0.0:  # nothing tells how long the field is: the matrix keeps its mean gain
         along = covariance[:, 10:13].sum(axis=1)
@@ -134,7 +124,8 @@ def _find_model(state: TrackerState, params: TrackerParams) -> states.Model:
         return model
     if opening.learns:
         return model._replace(jump_level=0.0)
-    gyro_noise = float(np.hypot(params.gyro_noise, params.gyro_bias_sd * np.sqrt(_LASTING_S)))
+    # a gyro's bias of unknown direction adds up for a second
+    gyro_noise = float(np.hypot(params.gyro_noise, params.gyro_bias_sd))
     away = _measure_matrix_sd(state, opening.prior.covariance)
     return model._replace(gyro_noise=gyro_noise, late_s=params.delay_sd_s, away=away)
 
@@ -181,7 +172,7 @@ def _measure_jump(state: TrackerState) -> TrackerState:
         return state
     before, now = state.recent.before, state.estimate
     size = (state.magnitude or 0.0) / float(np.mean(now.matrix[:3]))
-    if not np.sqrt(np.diag(now.covariance)[3:6].max()) < _MEASURED * size:
+    if not np.sqrt(np.diag(now.covariance)[3:6].max()) < 0.01 * size:
         return state
     shift = now.bias - before.bias
     variance = [np.diag(one.covariance)[3:6] for one in (before, now)]
@@ -197,9 +188,11 @@ def _repeat(
     step_s = float(np.median(np.diff(rows[:, 0])))
     gain = float(np.mean(state.estimate.matrix[:3]))
     # noise that lasts from reading to reading shows in those that are some apart
-    apart = [n for n in _APART if n == 1 or n * step_s < _APART_S]
+    # so long a gyro turns true
+    apart = [n for n in (1, 2, 4, 8, 16) if n == 1 or n * step_s < 0.04]
     noise = max(_measure_noise(rows, state, n) for n in apart)
-    noise = max(noise, _FINEST * (state.magnitude or 1.0) / gain)
+    # readings of few bits
+    noise = max(noise, 1e-4 * (state.magnitude or 1.0) / gain)
     prior = opening.prior if opening.learns else _fix_all_but_bias(opening.prior)
     model = _find_model(replace(state, noise=noise), params)._replace(jump_level=0.0)
     estimate, seen, _ = kalman.advance(prior, model, opening.rows, compiled=fast)
@@ -222,11 +215,11 @@ def _release(state: TrackerState, opening: Opening) -> TrackerState:
     gain = float(np.mean(found.matrix[:3]))
     size = float(np.sqrt((found.field**2).sum())) / gain
     sd = float(np.sqrt(np.diag(found.covariance)[3:6].max()))
-    if not sd < _RELEASED * size:
+    if not sd < 0.02 * size:
         return state
     covariance = opening.prior.covariance
     away = _measure_matrix_sd(state, covariance)
-    loose = max(_LOOSE * sd, SETTLED * size, away * size)
+    loose = max(3.0 * sd, SETTLED * size, away * size)
     covariance[:6] = covariance[:, :6] = 0.0
     covariance[range(6), range(6)] = [(gain * loose) ** 2] * 3 + [loose**2] * 3
     state_now = np.concatenate([found.state[:6], opening.prior.state[6:]])
@@ -248,13 +241,14 @@ def _measure_noise(rows: Array, state: TrackerState, apart: int) -> float:
     attitude = Rotation.concatenate(turned)
     turns = (attitude[apart:].inv() * attitude[:-apart]).as_matrix()
     matrix, noise = state.base.matrix, np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(4):
         by_turn = np.linalg.inv(matrix) @ turns @ matrix
         found, off = _turn_into_later(rows[:-apart, 1:4], rows[apart:, 1:4], by_turn)
         if not found < noise:
             break
         noise = found
-        if not np.abs(off).max() < _NEAR:
+        # more than few readings can tell
+        if not np.abs(off).max() < 0.3:
             break
         matrix = matrix @ (np.eye(3) + off)
     return noise

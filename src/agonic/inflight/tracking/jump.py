@@ -10,8 +10,6 @@ from agonic.calibration.tracking import Jump, Opening, Recent, TrackerParams, Tr
 from agonic.inflight.tracking import opening as openings
 from agonic.maths.estimation.filters import kalman, states
 
-_DATINGS = 8  # onsets of a jump that are tried; most searches end after four
-
 
 def settle_before_jump(state: TrackerState, params: TrackerParams, since: int) -> TrackerState:
     """The state as if its opening had settled before the last `since` readings, in which the bias
@@ -77,7 +75,8 @@ def _find_onset(
     rows = state.recent.rows
     guesses = [find_onset(seen), max(len(rows) - openings.MOMENTS[0], 0)]
     tried: dict[int, float] = {}
-    while guesses and len(tried) < _DATINGS:
+    # most searches end after four
+    while guesses and len(tried) < 8:
         guess = guesses.pop(0)
         if guess not in tried:
             opened = _open(state, params, model, guess)

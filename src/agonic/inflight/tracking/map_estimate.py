@@ -16,9 +16,6 @@ from agonic.maths.estimation.loss import cauchy, tukey
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.estimation.robust.least_median import fit_least_median_sphere
 
-ROUNDING = 1e-14
-"""Part of the largest prior variance below which the variance of a residual is lost in rounding."""
-
 
 def compute_likelihoods(
     prior: FilterState,
@@ -63,11 +60,6 @@ def compute_likelihoods(
 
 MEMORY_FROM = 192
 """Readings that can show a memory."""
-_SHOWN = 10.0  # log-likelihood by which a memory must explain the readings better than none
-_TIMES = (1.5, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)  # readings
-_SHARES = (0.15, 0.5, 0.8, 0.97)  # of the variance that lasts
-_FEWEST_MEMORIES = 4  # times in the readings: of longer ones nothing is seen
-_LATEST = 2048  # readings that are looked at
 
 
 def find_memory(
@@ -80,10 +72,11 @@ def find_memory(
     the reference and those of a sensor, seen along the field, are one Gauss–Markov process beside
     the bias (`kalman`).
     """
-    if total**2 < ROUNDING * prior.covariance.diagonal()[1:].max():
+    # the variance of a residual is lost in rounding
+    if total**2 < 1e-14 * prior.covariance.diagonal()[1:].max():
         return None
     step, gain = float(np.median(np.diff(rows[:, 0]))), float(np.mean(about[4:7]))
-    rows = rows[-_LATEST:]
+    rows = rows[-2048:]
     plain = model._replace(gate=np.inf)
     tried = [
         plain._replace(
@@ -91,9 +84,10 @@ def find_memory(
             external_sd=total * gain * float(np.sqrt(share)),
             external_time_s=time * step,
         )
-        for time in _TIMES
-        if time * _FEWEST_MEMORIES < len(rows)
-        for share in _SHARES
+        for time in (1.5, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)
+        # of longer ones nothing is seen
+        if time * 4 < len(rows)
+        for share in (0.15, 0.5, 0.8, 0.97)
     ]
     models, rows, m = [plain, *tried], rows[rows[:, 5] > 0], len(prior.diagonal)
     noise = np.array([one.noise for one in models])
@@ -108,13 +102,10 @@ def find_memory(
     without, *values = compute_likelihoods(
         prior, models, rows[:, 0], residual, h, steep[:, None] * noise
     )
-    return tried[int(np.argmax(values))] if max(values) > without + _SHOWN else None
+    return tried[int(np.argmax(values))] if max(values) > without + 10.0 else None
 
 
-_CERTAIN = 0.1  # of the field: a bias that is known to this needs no search
 _SAME = 1.0  # standard error: ways that come so near each other end in one place
-_ROUGH = 0.1  # standard errors to which a solution is found: the filter steps on from it
-_STEPS = 12  # at most: an opening is solved again from there with the readings that come
 
 
 def find_most_probable(
@@ -137,8 +128,9 @@ def find_most_probable(
                 scale=scale,
                 loss=loss,
                 prior=gaussian,
-                tolerance=_ROUGH,
-                max_iterations=_STEPS,
+                # the filter steps on from it
+                tolerance=0.1,
+                max_iterations=12,
             )
             information = leastsq.inverse(solution.covariance)
             apart = [solution.params - values for values in visited]
@@ -200,7 +192,7 @@ def _list_starts(state: TrackerState, prior: FilterState, rows: Array) -> Iterat
     yield state.estimate.state
     magnitude, gain = rows[:, 4], float(np.mean(prior.state[4:7]))
     size = float(np.mean(magnitude)) / gain
-    if np.sqrt(np.diag(state.estimate.covariance)[1:4].max()) < _CERTAIN * size:
+    if np.sqrt(np.diag(state.estimate.covariance)[1:4].max()) < 0.1 * size:
         return
     centre = rows[:, 1:4].mean(axis=0)
     bias, scale = fit_least_median_sphere((rows[:, 1:4] - centre) / size, magnitude / (gain * size))

@@ -32,8 +32,6 @@ _PATIENT = 1024  # readings in which an opening settles where the directions of 
 _CURVED = 0.03  # part of the noise that the curvature of residuals may come to in a filter
 # the same where they turn slowly, as once an orbit: jumps are not seen until it closes
 _NONLINEAR = 0.5
-_FEWEST = 64  # readings from which a noise that was not given is estimated
-_SHOWN = 768  # readings in which a memory shows, where none is given
 
 
 def count_until_due(readings: int) -> int:
@@ -147,13 +145,13 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     estimate, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, estimate=estimate, noise=noise)
     after = replace(after, jumps=_measure_jump(after, opening.before))
-    known = given.external_sd is not None or opening.before is not None or len(rows) >= _SHOWN
+    known = given.external_sd is not None or opening.before is not None or len(rows) >= 768
     # whether the bias walked further during these rows than it is unknown
     variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
     walked = bool(variance > np.trace(estimate.covariance[1:4, 1:4]))
     fitting = opening.outliers is not None and 4 * opening.outliers <= len(rows)
     alone = bool((apart < params.gate * after.bias_sd).all())
-    magnitude, few = float(rows[-1, 4]), not state.noise_known and len(rows) < _FEWEST
+    magnitude, few = float(rows[-1, 4]), not state.noise_known and len(rows) < 64
     limit = _CURVED * noise if len(rows) < _PATIENT else _NONLINEAR * total
     closed = (known or walked) and fitting and alone and not few
     closed = closed and (walked or compute_nonlinearity(estimate, magnitude) < limit)

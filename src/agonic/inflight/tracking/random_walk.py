@@ -21,10 +21,6 @@ from agonic.samples import Samples
 FEWEST = 100
 """Readings that a choice needs at least."""
 
-_PASSED_OVER = 4  # the first quarter: what a start does not know yet is no walk
-_CLIP = 6.0  # times the scale of the best: so far an outlier counts
-_STEPS = np.concatenate([[0.0], 10.0 ** np.arange(-4.0, 0.1, 0.5)])
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WalkChoice:
@@ -85,8 +81,10 @@ def choose_walk(
     if candidates is None:  # from none to the noise in every reading
         gain = float(np.cbrt(abs(np.linalg.det(begun.base.matrix))))
         noise = begun.noise if begun.noise_known else 1e-2 * float(np.mean(magnitude)) / gain
-        tried = noise * _STEPS / np.sqrt(np.median(np.diff(samples.time)))
-    later = slice(len(samples) // _PASSED_OVER, None)
+        shares = np.concatenate([[0.0], 10.0 ** np.arange(-4.0, 0.1, 0.5)])
+        tried = noise * shares / np.sqrt(np.median(np.diff(samples.time)))
+    # what a start does not know yet is no walk
+    later = slice(len(samples) // 4, None)
     residuals, known = [], []
     external = reference.sd if settings.external_sd is None else settings.external_sd
     for walk in tried:
@@ -96,6 +94,6 @@ def choose_walk(
         known.append(seen.foretold[later])
     rows = np.logical_and.reduce(known)
     compared = [r[rows] if rows.sum() >= FEWEST // 2 else r for r in residuals]
-    limit = _CLIP * MAD_TO_SD * min(float(np.median(r)) for r in compared)
+    limit = 6.0 * MAD_TO_SD * min(float(np.median(r)) for r in compared)
     rms = np.array([np.sqrt(np.mean(np.minimum(r, limit) ** 2)) for r in compared])
     return WalkChoice(walk=float(tried[np.argmin(rms)]), candidates=tried, residual_rms=rms)

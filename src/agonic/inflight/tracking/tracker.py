@@ -188,10 +188,6 @@ class Tracker(Followed, Judged):
         return tracker
 
 
-STEADY = 0.05
-"""Of the magnitude: where it changes by more, its direction changes too, and no gyro sees that."""
-
-
 def choose_gyro(samples: Samples, magnitude: Array, wanted: bool | None) -> tuple[bool, str]:
     """Whether to use the gyro of the samples, and why not where it is left aside.
 
@@ -211,7 +207,8 @@ def choose_gyro(samples: Samples, magnitude: Array, wanted: bool | None) -> tupl
     known = magnitude[magnitude > 0]
     if wanted or not len(known):
         return True, ""
-    if np.ptp(known) > STEADY * float(np.mean(known)):
+    # then its direction changes too, and no gyro sees that
+    if np.ptp(known) > 0.05 * float(np.mean(known)):
         return False, "the field itself changes along the track, which a gyro does not measure"
     if len(samples) >= MIN_ROWS and explains_change(samples):
         return True, ""

@@ -23,10 +23,8 @@ from agonic.samples import Samples
 
 OUTLIERS_DOUBTFUL = 0.1
 """Share of readings that fit nothing, from which on the others are doubted."""
-FEW_PER_WEIGHT = 5.0
 LARGE = 0.03
 """Residual over the field from which the reference is doubted: no sensor scatters by so much."""
-SOME = 500
 
 
 def examine(fit: NetworkFit, samples: Samples) -> NetworkFit:
@@ -47,7 +45,7 @@ def _list_findings(fit: NetworkFit, samples: Samples) -> Iterator[Finding]:
             comparison.sentence,
             "use the base; give the network what else changes (temperature, current), or none",
         )
-    some = samples.select(used[:: max(len(used) // SOME, 1)])
+    some = samples.select(used[:: max(len(used) // 500, 1)])
     seen, _ = network.evaluated(some.field, select_columns(network, some))
     field = float(np.median(np.linalg.norm(seen, axis=1)))
     if fit.noise >= LARGE * field:
@@ -67,7 +65,7 @@ def _list_findings(fit: NetworkFit, samples: Samples) -> Iterator[Finding]:
             "look for wrong references, and for readings taken while something was switched",
         )
     independent = fit.n * fit.residuals.shape[1] / fit.correlation
-    if independent < FEW_PER_WEIGHT * network.shape.size:
+    if independent < 5.0 * network.shape.size:
         yield Finding(
             "few for a network",
             "check",

@@ -19,10 +19,7 @@ from agonic.readable import Shown
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-RATE = 0.1
-MOMENTUM = 0.9
 _MORE, _LESS, _WORSE = 1.05, 0.7, 1.04
-_DIVERGED = 1e6  # times what it was at the start
 
 
 class Descent(NamedTuple):
@@ -38,8 +35,8 @@ def descend(
     *,
     epochs: int,
     adaptive: bool = False,
-    rate: float = RATE,
-    momentum: float = MOMENTUM,
+    rate: float = 0.1,
+    momentum: float = 0.9,
 ) -> Descent:
     """The weights after so many epochs of plain backpropagation from a start (m,), each of which
     sees all rows. It ends early where the error grows without limit.
@@ -53,7 +50,7 @@ def descend(
     count = problem.target.size
     weights, velocity = np.array(start, dtype=np.float64), np.zeros(len(start))
     square, gradient = _evaluate(problem, weights)
-    worst, found = _DIVERGED * square, np.empty(epochs)
+    worst, found = 1e6 * square, np.empty(epochs)
     for epoch in range(epochs):
         step = momentum * velocity - rate * 2.0 / count * gradient
         now, fresh = _evaluate(problem, weights + step)
@@ -75,9 +72,6 @@ def _evaluate(problem: levenberg_marquardt.Problem, weights: Array) -> tuple[flo
 
 GOAL = 1e-3
 """Mean square error, scaled, that the paper counts epochs to."""
-CLOSE = 1.05
-"""A method has arrived when its mean square error is below so many times the least of all."""
-EPOCHS = 5000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +96,7 @@ class Method:
 
 
 def compare_methods(
-    samples: Samples, reference: Reference, *, epochs: int = EPOCHS, **settings: Any
+    samples: Samples, reference: Reference, *, epochs: int = 5000, **settings: Any
 ) -> tuple[Method, ...]:
     """The same network trained by Levenberg–Marquardt and by gradient descent with momentum.
 
@@ -149,7 +143,7 @@ def compare_methods(
             rms=float(np.sqrt(np.mean(left**2))),
             maximum=float(np.abs(left).max()),
             epochs_to_goal=_find_first_below(curve, GOAL),
-            epochs_to_least=_find_first_below(curve, CLOSE * least),
+            epochs_to_least=_find_first_below(curve, 1.05 * least),
         )
         for name, (curve, seconds, left) in ran.items()
     )

@@ -18,8 +18,6 @@ from agonic.samples import Samples
 
 NODES = (7, 6, 5, 4, 3, 2)
 """The table of the paper."""
-TIE = 1.05
-"""Fewer nodes are kept when more bring the unseen rms error down by less than this."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +107,7 @@ def choose_network(
             unseen_rms=fit.comparison.network.rms,
         )
         table.append(row)
-    most = TIE * min(row.unseen_rms for row in table)
+    most = 1.05 * min(row.unseen_rms for row in table)
     good = [fit for fit, row in zip(fits, table, strict=True) if row.unseen_rms <= most]
     fit = min(good, key=lambda fit: fit.calibration.shape.nodes)
     base = None if fit.comparison is None else fit.comparison.base

@@ -98,16 +98,8 @@ class Scaled(NamedTuple):
         return np.asarray((inputs - self.scale.input_middle) / self.scale.input_half)
 
 
-CENTRES = 64
-"""Points that stand for the readings it was trained on."""
-LEAST_REACH = 0.1
-"""Readings that lie on a curve are close together; the network holds a little beside it, too."""
 ROOM = 1.25
 """The longest correction, over the longest that training saw."""
-_GROSS = 12.0
-_LASTING = 1.5  # readings that count as one, from which on it is looked into
-_LEAST_PER_WEIGHT = 3.0  # residuals that count, so that the evidence has something to go by
-_ROUNDS = 4
 
 
 class Training(NamedTuple):
@@ -129,7 +121,7 @@ def scale_problem(problem: Problem, rows: Index, start: Network | None = None) -
     target = -compute_errors(field, problem.wanted[rows])
     size = np.linalg.norm(target - np.median(target, axis=0), axis=1)
     # a network bends to what an affine leaves, but not to anything
-    used = size <= (_GROSS * max(robust_scale(size), 1e-300) if settings.robust else np.inf)
+    used = size <= (12.0 * max(robust_scale(size), 1e-300) if settings.robust else np.inf)
     scale = (
         _find_scale(problem, rows[used], target[used])
         if start is None
@@ -205,7 +197,7 @@ def _train_until_settled(
     error = -(task.scale.output_middle + size * scaled.target)
     epochs: tuple[levenberg_marquardt.Epoch, ...] = ()
     start, ridge, twice = warm, None, task.noisy
-    for _ in range(_ROUNDS):
+    for _ in range(4):
         calm = scaled._replace(x=task.find_noiseless_inputs(error))
         shown = calm.subset(seen) if held.any() else calm
         other = calm.subset(unseen) if held.any() else None
@@ -247,7 +239,7 @@ def _estimate_noise(
     """
     noise = estimate_noise(left.T.ravel(), robust, len(weights))
     weight = np.asarray(noise.loss.weight((left / noise.sd) ** 2).min(axis=1))
-    if noise.correlation > _LASTING:
+    if noise.correlation > 1.5:
         active = network.activity(network.split(weights, scaled.shape), scaled.x)
         active -= active.mean(axis=0)
         lengths = [
@@ -255,7 +247,8 @@ def _estimate_noise(
             for k in range(left.shape[1])
             for column in active.T
         ]
-        most = len(left) * left.shape[1] / (_LEAST_PER_WEIGHT * len(weights))
+        # so that the evidence has something to go by
+        most = len(left) * left.shape[1] / (3.0 * len(weights))
         noise = noise._replace(correlation=min(float(np.median(lengths)), max(most, 1.0)))
     return noise, weight
 
@@ -274,7 +267,7 @@ def _network(
     """The calibration, with where it holds."""
     problem, base, scale, target = task.problem, task.base.calibration, task.scale, task.target
     layers = network.split(found.weights, task.between.shape)
-    centres, reach = domain.cover(task.between.x[kept], CENTRES)
+    centres, reach = domain.cover(task.between.x[kept], 64)
     added = scale.output_middle + scale.output_half * outputs[kept]
     longest = float(np.linalg.norm(added, axis=1).max())
     samples, wanted = problem.samples, problem.wanted
@@ -287,7 +280,9 @@ def _network(
         second=layers[1] if len(layers) > 2 else None,
         output=layers[-1],
         centres=centres,
-        reach=max(reach, LEAST_REACH),
+        # readings that lie on a curve are close together; the network holds a little beside it,
+        # too
+        reach=max(reach, 0.1),
         bound=None if base is None else ROOM * longest,
         misfit=float(np.sqrt(np.mean(misfit**2))),
         covariance=found.covariance,

@@ -32,12 +32,8 @@ SLOW = 0.02
 FLAT = 1e-4
 """or less than this share of what is left."""
 PATIENCE = 6
-_GREATEST_MU = 1e10
-_FIRST_MU = 1e-3
 _SETTLING = 8  # epochs before the evidence is asked: far from the minimum it says nothing
 _FEW = 1000  # rows on which starts are tried
-_TRIAL = 8  # epochs of the first trial
-_ON_FEW = 200
 
 
 class Problem(NamedTuple):
@@ -107,7 +103,7 @@ def train(
     weights: Array = np.array(start, dtype=np.float64)
     sums = _sums(problem, weights)
     first = ridge or (1e-3 * sums.weight**0.5 if evidence else 0.0)
-    state = _State(weights, sums, first, _FIRST_MU, float(len(weights)))
+    state = _State(weights, sums, first, 1e-3, float(len(weights)))
     watched = held_out if stopping == "early" else None
     best, least, worse = weights, np.inf, 0  # with the least error held out, and epochs since then
     if watched is not None:
@@ -188,12 +184,12 @@ def choose_start(
         trained = train(few, start.weights, stopping="plain", most_epochs=epochs)
         return Start(trained.weights, start.epochs + trained.epochs)
 
-    epochs = _TRIAL
+    epochs = 8
     while len(left) > 1:
         tried = [go_on(start, epochs) for start in left]
         tried.sort(key=lambda start: start.epochs[-1].mean_square)
         left, epochs = tried[: len(tried) // 2], 2 * epochs
-    return left[0] if few is problem or restarts == 1 else go_on(left[0], _ON_FEW)
+    return left[0] if few is problem or restarts == 1 else go_on(left[0], 200)
 
 
 class _State(NamedTuple):
@@ -227,7 +223,7 @@ def _step(problem: Problem, state: _State) -> tuple[float, _State] | None:
     objective = sums.square + ridge * float(weights @ weights)
     gradient = sums.gradient + ridge * weights
     mu = state.mu
-    while mu < _GREATEST_MU:
+    while mu < 1e10:
         damped = sums.information.copy()
         damped[np.diag_indices_from(damped)] += ridge + mu
         try:

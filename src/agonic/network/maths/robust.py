@@ -8,8 +8,6 @@ from agonic.arrays import Array
 from agonic.maths.estimation import leastsq
 from agonic.maths.estimation.noise.residuals import Noise, estimate_noise
 
-_ROUNDS = 6
-
 
 def solve_with_noise(
     pieces: leastsq.Pieces,
@@ -25,7 +23,7 @@ def solve_with_noise(
     least so many residuals count as one; `tolerance` of the steps is in standard errors."""
     solution = leastsq.solve(pieces, start, scale=scale, prior=prior, tolerance=tolerance)
     noise = estimate_noise(solution.residuals, robust, _count_determined(solution))
-    for _ in range(_ROUNDS):
+    for _ in range(6):
         solution = leastsq.solve(
             pieces,
             solution.params,

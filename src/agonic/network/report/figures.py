@@ -21,10 +21,6 @@ METHODS = ("training", "descent", "adaptive")
 """Classes of the curves, in the order of `compare_methods`."""
 POINTS = 600
 """Epochs of a training that are drawn."""
-BLOCKS = 120
-"""Stretches of time whose rms error is drawn."""
-DOTS = 400
-"""Readings of a regression that are drawn."""
 
 
 def draw_training(fit: NetworkFit) -> Markup:
@@ -80,7 +76,7 @@ def _curve(x: Axis, y: Axis, values: Array, name: str) -> Markup:
 
 def draw_regression(known: Array, found: Array, axis: str) -> Markup:
     """What the network gives (n,) over what is known (n,), nT, of one axis; the line is y = x."""
-    rows = np.unique(np.linspace(0, len(known) - 1, DOTS).astype(int))
+    rows = np.unique(np.linspace(0, len(known) - 1, 400).astype(int))
     low, high = float(known.min()), float(known.max())
     x = Axis(f"known field along {axis}, nT", low, high if high > low else low + 1.0)
     y = Axis("by the network, nT", x.low, x.high)
@@ -93,7 +89,7 @@ def draw_regression(known: Array, found: Array, axis: str) -> Markup:
 def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
     """The rms error of unseen readings over time, by the base and by the network."""
     x, along = along_rows(time, comparison.rows)
-    columns = Columns(x, along, min(BLOCKS, max(len(along) // 10, 1)))
+    columns = Columns(x, along, min(120, max(len(along) // 10, 1)))
     named = {"by-base": comparison.base, "by-network": comparison.network}
     curves = {
         name: np.sqrt(columns.mean((errors.values**2).mean(axis=1)))
@@ -155,9 +151,6 @@ def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining
     return strips.plot(x, y, layers, "Residual over time with the retrainings", signs)
 
 
-SIZE_IN = (7.5, 3.75)
-
-
 def draw_chart(fit: NetworkFit, choice: NetworkChoice | None = None) -> bytes:
     """The mean square error (scaled) after each epoch of the training, or of a choice the rms and
     largest error of unseen readings by hidden nodes and those of the base, as SVG.
@@ -169,7 +162,7 @@ def draw_chart(fit: NetworkFit, choice: NetworkChoice | None = None) -> bytes:
     except ImportError:
         raise MissingExtraError("a chart", "plot") from None
     with pyplot.rc_context({"svg.fonttype": "none"}):
-        figure, axes = pyplot.subplots(figsize=SIZE_IN, layout="constrained")
+        figure, axes = pyplot.subplots(figsize=(7.5, 3.75), layout="constrained")
         if choice is None:
             epochs = np.arange(1, len(fit.epochs) + 1)
             axes.plot(epochs, [epoch.mean_square for epoch in fit.epochs], label="trained on")

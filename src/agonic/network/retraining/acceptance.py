@@ -16,9 +16,6 @@ from agonic.network.fit.result import CERTAIN
 
 OUTLIER = 6.0
 """Standard deviations from which on a reading is an outlier."""
-STUCK = 0.1
-"""A reading that stays the same for so much of a window is that of a stuck sensor."""
-_FEWEST_STUCK = 20
 
 
 class Judgement(NamedTuple):
@@ -48,7 +45,8 @@ def find_stuck(window: Window) -> str:
     still = np.concatenate([[False], (np.diff(window.raw, axis=0) == 0).all(axis=1), [False]])
     edges = np.flatnonzero(still[1:] != still[:-1])
     longest = int((edges[1::2] - edges[::2]).max(initial=0)) + 1
-    if longest < max(_FEWEST_STUCK, STUCK * len(window)):
+    # a reading that stays the same for so much of a window is that of a stuck sensor
+    if longest < max(20, 0.1 * len(window)):
         return ""
     return f"the sensor is stuck: {longest} of {len(window)} readings are one and the same"
 

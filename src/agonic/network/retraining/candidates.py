@@ -87,8 +87,6 @@ PER_CELL = 3
 VISITS = 4
 """Trainings of which readings are kept: older ones tell of another sensor."""
 VISIT = "visit"
-WIDTH_C = 10.0
-"""Of a cell in temperature, °C."""
 
 
 def add_rows(reservoir: Window, rows: Window, running: Running, visit: int) -> Window:
@@ -101,7 +99,8 @@ def add_rows(reservoir: Window, rows: Window, running: Running, visit: int) -> W
     rows = replace(rows, columns={**rows.columns, VISIT: np.full(len(rows), float(visit))})
     cells = find_cells(correct(running, rows))
     if "temperature" in rows.columns:
-        warmth = np.floor(rows.columns["temperature"] / WIDTH_C).astype(np.intp)
+        # of a cell in temperature, °C
+        warmth = np.floor(rows.columns["temperature"] / 10.0).astype(np.intp)
         cells = cells + 80 * (warmth - warmth.min())
     cells = np.unique(cells, return_inverse=True)[1].reshape(-1)
     order = np.lexsort((-np.arange(len(cells)), cells))  # in each cell the latest first
@@ -143,10 +142,6 @@ def find_common_error(state: RetrainerState, rows: Window) -> float:
     white = state.noise**2 * (1 / n[2:] + 4 / n[1:-1] + 1 / n[:-2])
     square = float(np.mean(np.diff(means, 2, axis=0) ** 2 - white[:, None])) / 6
     return float(np.sqrt(max(square, 0.0)))
-
-
-PER_WEIGHT = 3.0
-"""So many readings for each weight before weights are trained."""
 
 
 class Candidate(NamedTuple):
@@ -193,7 +188,8 @@ def train_candidates(
     found: list[Candidate] = []
     outputs = 3 if params.target == "vector" else 1
     shape = Shape(sum(map(measure_width, params.inputs)), params.hidden, outputs)
-    enough = len(seen) >= PER_WEIGHT * shape.size
+    # so many readings for each weight before weights are trained
+    enough = len(seen) >= 3.0 * shape.size
     if running is not None:
         trained = isinstance(running, Network) and enough and whole
         common = find_common_error(state, seen)

@@ -51,8 +51,6 @@ STEP = 12
 """Numbers of a step of the base: M and p."""
 _SHARES = np.r_[0.0, 10.0 ** np.arange(-3.0, 0.25, 0.5)]
 """Sizes that a step may have, as shares of the largest."""
-_NEAR = 0.1
-"""Standard errors of a step with which a training ends."""
 _SINGULAR = 1e-12
 """Share of the largest eigenvalue below which rounding has made it."""
 
@@ -141,7 +139,7 @@ def _solve(pieces: leastsq.Pieces, root: Array, least: float) -> tuple[leastsq.S
         scale=scale,
         prior=lambda z: (z, np.eye(len(z))),
         least=least,
-        tolerance=_NEAR,
+        tolerance=0.1,
     )
 
 

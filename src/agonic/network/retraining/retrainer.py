@@ -28,9 +28,6 @@ from agonic.network.retraining.posterior import describe_prior
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-ENOUGH = 50
-"""Unseen readings from which on they say how large the noise is."""
-
 
 def split_off(rows: Window) -> tuple[Window, Window]:
     """Rows to train on, and the third that comes next."""
@@ -207,7 +204,8 @@ class Retrainer(Judged):
         left = compute_errors(candidates.correct(running, unseen), unseen.wanted)
         if state.noise is not None and acceptance.has_changed(left, state.noise, self.params):
             return state
-        if state.noise is None or len(unseen) >= ENOUGH:
+        # unseen readings from which on they say how large the noise is
+        if state.noise is None or len(unseen) >= 50:
             noise, correlation = acceptance.estimate_noise(left)
             state = replace(state, noise=noise, correlation=correlation)
         old = state.reservoir if done.onset is None else state.window.select(slice(0, 0))

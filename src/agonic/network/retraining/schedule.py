@@ -21,10 +21,6 @@ from agonic.calibration.retraining import (
 )
 from agonic.maths.estimation.changes import cusum
 
-GROWTH = 1.25
-"""A change that was learned is learned again with so many times the readings, until the window is
-full: what few readings showed of it need not hold for the next ones."""
-
 TELLING = 100
 """Readings before an alarm from which on they say how long residuals last."""
 
@@ -144,7 +140,9 @@ def close_retraining(
     learning = done.why == "settling" or (done.accepted and has_changed)
     settling = None
     if learning and not done.poisoned and not is_full(state, params):
-        settling = ceil(GROWTH * (state.n - state.since_n))
+        # a change that was learned is learned again with so many times the readings, until the
+        # window is full: what few readings showed of it need not hold for the next ones
+        settling = ceil(1.25 * (state.n - state.since_n))
     return reschedule(
         replace(
             state,

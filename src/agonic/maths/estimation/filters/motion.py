@@ -11,11 +11,6 @@ RATE, UNSEEN = 13, 20
 """Places in `watch`: the last rate x y z, how that changed x y z, the mean square of its second
 difference; and the mean variance of what turns unseen between two readings."""
 
-_RATES = 16.0  # readings over which what the rates leave unseen is averaged
-_TURNS = 256.0  # readings over which what turns unseen is averaged, to be told
-_UNRELATED = 12.0  # (Δ²)² of rates σ over the variance of the mean of two, 6 σ² / (σ² / 2)
-_ANYWHERE = 4.0  # rad²: nothing is known of a direction
-
 
 def decay(elapsed: float, model: Any, x: Any, columns: Any, diagonal: Any, room: Any) -> None:
     """What `elapsed` seconds do by the magnitude: the error of the reference decays and is stirred,
@@ -67,10 +62,12 @@ def find_unseen_turn(row: Any, elapsed: float, watch: Any) -> float:
         total += beyond * beyond
         watch[RATE + i], watch[RATE + 3 + i] = row[4 + i], change
     now = total / 3.0
-    watch[RATE + 6] += (now - watch[RATE + 6]) / _RATES
-    unseen = elapsed * elapsed * max(now, watch[RATE + 6]) / _UNRELATED
-    unseen = min(unseen, _ANYWHERE)
-    watch[UNSEEN] += (unseen - watch[UNSEEN]) / _TURNS
+    watch[RATE + 6] += (now - watch[RATE + 6]) / 16.0
+    # σ² of rates over the variance of the mean of two
+    unseen = elapsed * elapsed * max(now, watch[RATE + 6]) / 12.0
+    # rad²: nothing is known of a direction
+    unseen = min(unseen, 4.0)
+    watch[UNSEEN] += (unseen - watch[UNSEEN]) / 256.0
     return float(unseen)
 
 

@@ -23,7 +23,6 @@ from agonic.maths.estimation.filters.jump_test import (
 ROOM = 8
 """Lines that are worked in."""
 
-_CURVED = 0.3  # of the noise of a magnitude: what the curvature of a length may come to
 _SURE = 0.5 * MEMORY_ROWS * CLIP * CLIP  # of what the jump test can come to at all
 
 
@@ -331,7 +330,7 @@ def _take_length(
     for i in range(3):
         spread += factors.variance_of(i, columns, diagonal)
     bend = 0.5 * (spread - factors.predict(h, 0.0, columns, diagonal, f)) / size
-    if bend > _CURVED * max(noise, error):
+    if bend > 0.3 * max(noise, error):
         return
     noise = sqrt(noise * noise + lasting * lasting)
     r = size + bend - magnitude
