@@ -33,7 +33,7 @@ CHANCES = {"outlier": 0.003, "third harmonic": 0.01, "drift": 0.001, "no deviati
 """How often chance may do as much as is found."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Evidence:
     """The readings, the solution, and the card made of it.
 

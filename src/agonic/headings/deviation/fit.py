@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -132,47 +132,25 @@ def fit_deviation(
     solved, known = _solve(readings, rows, weighted, noise_deg)
     drift = _allow_drift(rows, solved, weighted, noise_deg and known, drift_deg)
     solved = solved._replace(covariance=drift.covariance)
-    left = len(rows) > rows.shape[1]  # else nothing shows the noise of one reading
-    # of the noise: readings that count, less terms
-    freedom = float((solved.weights > 0).sum()) / solved.correlation - len(solved.params)
-    tilt = np.abs(readings.tilt).max(axis=0).tolist()
-    card = Deviation(
-        **_spread(solved, chosen),
+    settings = {
+        "terms": terms,
+        "robust": robust,
+        "noise_deg": noise_deg,
+        "drift_deg": drift_deg,
+        "declination_deg": None if declination_deg is None else readings.declination,
+        "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
+    }
+    inputs = (source or Input.of_array(sensor, readings.columns),)
+    card = replace(
+        _make_card(readings, solved, chosen, known, stated=bool(noise_deg)),
         terms=terms,
-        noise_deg=known or (solved.noise if left else None),
-        freedom=None if noise_deg and known else max(freedom, 1.0),
         power_state=power_state,
         current_A=current_A,
-        largest_gap_deg=swing_plan.compute_largest_gap_deg(
-            swing_plan.find_visited(readings.compass)
-        ),
-        largest_heel_deg=(*tilt, 0.0)[:2] if tilt else None,
         sensor=sensor,
-        provenance=Provenance(
-            inputs=(source or Input.of_array(sensor, readings.columns),),
-            settings={
-                "terms": terms,
-                "robust": robust,
-                "noise_deg": noise_deg,
-                "drift_deg": drift_deg,
-                "declination_deg": None if declination_deg is None else readings.declination,
-                "heel": ("none", "roll", "roll and pitch")[readings.tilt.shape[1]],
-            },
-            method=CITATIONS,
-        ),
+        provenance=Provenance(inputs=inputs, settings=settings, method=CITATIONS),
     )
-    findings = examine(
-        Evidence(
-            readings=readings,
-            solved=solved,
-            card=card,
-            chosen=chosen,
-            stated_noise_deg=noise_deg,
-            estimated=estimated,
-            weighted=weighted,
-            drifting=drift.probability,
-        )
-    )
+    seen = (readings, solved, card, chosen, noise_deg, weighted, drift.probability, estimated)
+    findings = examine(Evidence(*seen))
     refused = any(finding.severity == "refuse" for finding in findings)
     at_eight = kernel.average_on_rose(readings.compass, wrap_deg(readings.difference))
     classical = () if at_eight is None else kernel.solve_eight_headings(at_eight).tolist()
@@ -226,13 +204,32 @@ def _solve(
     return kernel.solve(rows, difference, robust=robust, noise_deg=known), known
 
 
-def _spread(solved: kernel.DeviationSolution, chosen: Mask) -> dict[str, Any]:
-    """The solution in the order of `PARAMETERS`, zero where a term was not fitted."""
+def _make_card(
+    readings: SwingReadings,
+    solved: kernel.DeviationSolution,
+    chosen: Mask,
+    known: float | None,
+    *,
+    stated: bool,
+) -> Deviation:
+    """The card of a solution, in the order of `PARAMETERS`, zero where a term was not fitted;
+    `known` noise of a reading, and whether it was `stated`."""
     params, covariance = np.zeros(len(PARAMETERS)), np.zeros((len(PARAMETERS),) * 2)
-    params[chosen] = solved.params
-    covariance[np.ix_(chosen, chosen)] = solved.covariance
-    heel = params[5:] if chosen[5:].any() else None
-    return {"coefficients": params[:5], "heel": heel, "covariance": covariance}
+    params[chosen], covariance[np.ix_(chosen, chosen)] = solved.params, solved.covariance
+    left = len(solved.residuals) > len(solved.params)  # else nothing shows the noise of a reading
+    # of the noise: readings that count, less terms
+    freedom = float((solved.weights > 0).sum()) / solved.correlation - len(solved.params)
+    tilt = np.abs(readings.tilt).max(axis=0).tolist()
+    visited = swing_plan.find_visited(readings.compass)
+    return Deviation(
+        coefficients=params[:5],
+        heel=params[5:] if chosen[5:].any() else None,
+        covariance=covariance,
+        noise_deg=known or (solved.noise if left else None),
+        freedom=None if stated and known else max(freedom, 1.0),
+        largest_gap_deg=swing_plan.compute_largest_gap_deg(visited),
+        largest_heel_deg=(*tilt, 0.0)[:2] if tilt else None,
+    )
 
 
 def _remarks(card: Deviation, compass_deg: Array, drift_deg: float | None) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ class Switches:
         self._before: Array | None = None
 
     def measure_since(self, samples: Samples) -> Array:
-        """Seconds since the last change, (n,); infinite before the first. The pieces come in order."""
+        """Seconds since the last change, (n,), infinite before the first; pieces come in order."""
         assert samples.time is not None
         if not self._commands or not len(samples):
             return np.full(len(samples), np.inf)

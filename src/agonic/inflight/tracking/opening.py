@@ -125,7 +125,7 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
     residuals, _ = map_estimate.linearise(rows, about)
     fits = np.abs(residuals) <= params.gate * max(total, robust_scale(residuals))
     marked = np.column_stack([rows[:, :5], fits])
-    model = state.settle_params(given).model(noise, jumps=False)
+    model = params.model(noise, jumps=False)
     if given.external_sd is None and len(rows) % map_estimate.MEMORY_FROM == 0:
         # each time they have doubled
         model = map_estimate.find_memory(prior, model, marked, about, total) or model
@@ -133,28 +133,18 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
         first, *others = prior.scales  # the lasting error may be there at the start
         prior = prior._replace(scales=[max(first, model.external_sd**2), *others])
         opening, noise = replace(opening, prior=prior), model.noise
-        state = replace(
-            state,
-            opening=opening,
-            external_sd=model.external_sd,
-            external_time_s=model.external_time_s,
-        )
+        lasting = {"external_sd": model.external_sd, "external_time_s": model.external_time_s}
+        state = state.moved(opening=opening, **lasting)
     model = model._replace(gate=np.inf)
     earlier = max(len(rows) - STRIDE, 0)
     before, _, _ = kalman.advance(prior, model, marked[:earlier], linearised=about)
     estimate, _, _ = kalman.advance(before, model, marked[earlier:], linearised=about)
     after = replace(state, estimate=estimate, noise=noise)
     after = replace(after, jumps=_measure_jump(after, opening.before))
-    known = given.external_sd is not None or opening.before is not None or len(rows) >= 768
-    # whether the bias walked further during these rows than it is unknown
-    variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
-    walked = bool(variance > np.trace(estimate.covariance[1:4, 1:4]))
-    fitting = opening.outliers is not None and 4 * opening.outliers <= len(rows)
-    alone = bool((apart < params.gate * after.bias_sd).all())
-    magnitude, few = float(rows[-1, 4]), not state.noise_known and len(rows) < 64
-    limit = _CURVED * noise if len(rows) < _PATIENT else _NONLINEAR * total
-    closed = (known or walked) and fitting and alone and not few
-    closed = closed and (walked or compute_nonlinearity(estimate, magnitude) < limit)
+    magnitude = float(rows[-1, 4])
+    closed = bool((apart < params.gate * after.bias_sd).all()) and _has_settled(
+        after, opening, given, noise, total
+    )
     if not closed and len(rows) < MOMENTS[-1]:
         wide = widen_for_nonlinearity(estimate, prior, apart, magnitude, noise)
         learns = compute_nonlinearity(wide, magnitude) < _NONLINEAR * noise
@@ -171,6 +161,22 @@ def solve_opening(state: TrackerState, params: TrackerParams) -> TrackerState:
         recent=recent,
         refused=state.refused + int((~fits).sum()),
     )
+
+
+def _has_settled(
+    state: TrackerState, opening: Opening, params: TrackerParams, noise: float, total: float
+) -> bool:
+    """Whether the filter may go on from an opening on its own, by the estimate of all its rows."""
+    rows, estimate = opening.rows, state.estimate
+    known = params.external_sd is not None or opening.before is not None or len(rows) >= 768
+    # whether the bias walked further during these rows than it is unknown
+    variance = 3 * params.walk**2 * (rows[-1, 0] - rows[0, 0])
+    walked = bool(variance > np.trace(estimate.covariance[1:4, 1:4]))
+    fitting = opening.outliers is not None and 4 * opening.outliers <= len(rows)
+    few = not state.noise_known and len(rows) < 64
+    limit = _CURVED * noise if len(rows) < _PATIENT else _NONLINEAR * total
+    linear = walked or compute_nonlinearity(estimate, float(rows[-1, 4])) < limit
+    return (known or walked) and fitting and linear and not few
 
 
 def date_jump(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import nan
 
 import numpy as np
@@ -36,32 +37,19 @@ def describe_retraining(
 ) -> Document:
     """What a retrainer made of a log: `seen` is what its update gave, None where none was."""
     state, running = retrainer.state, retrainer.state.running
-    entries, sections, used, rms, largest = {}, [], 0, nan, nan
-    retrainings: tuple[Retraining, ...] = ()
+    used, rms, largest, retrainings = 0, nan, nan, tuple[Retraining, ...]()
     if seen is not None:
         used, retrainings = len(seen.time), seen.retrainings
         known = seen.residual[np.isfinite(seen.residual[:, 0])]
         if known.size:
             rms, largest = float(np.sqrt(np.mean(known**2))), float(np.abs(known).max())
-        sections = _sections(retrainer, seen)
     passed = f", {rows - used} passed over" if rows > used else ""
-    entries["Readings"] = f"{used} new{passed}; {state.n} in all"
-    if np.isfinite(rms):
-        entries["Residual"] = (
-            f"{rms:.4g} nT rms, each reading before it was learned; at most {largest:.4g}"
-        )
-    for one in retrainings:
-        word = "accepted" if one.accepted else "rejected"
-        entries[f"{one.time:.10g} s"] = f"{word}  {one.why:8s}  {one.reason}"
-    accepted = sum(one.accepted for one in retrainings)
-    of = "of the magnitude" if retrainer.params.target == "magnitude" else "of a component"
-    left = quantity(nan if state.noise is None else state.noise, "nT", 2)
-    key_figures = [
-        ("Residual", quantity(rms, "nT"), "rms, each reading before it was learned"),
-        ("Largest", quantity(largest, "nT"), of),
-        ("Accepted", group_digits(accepted), f"of {count(len(retrainings), 'retraining')}"),
-        ("Left now", left, "standard deviation on an axis"),
-    ]
+    left = f"{rms:.4g} nT rms, each reading before it was learned; at most {largest:.4g}"
+    entries = {
+        "Readings": f"{used} new{passed}; {state.n} in all",
+        "Residual": left if np.isfinite(rms) else "",
+        **{f"{one.time:.10g} s": _describe(one) for one in retrainings},
+    }
     return Document(
         schema="agonic/retrain@1",
         kind="Network kept up to date",
@@ -70,10 +58,13 @@ def describe_retraining(
         verdict=retrainer.verdict,
         status=retrainer.status,
         findings=retrainer.findings,
-        key_figures=[] if seen is None else key_figures,
+        key_figures=[] if seen is None else _key_figures(retrainer, retrainings, rms, largest),
         entries=entries,
         entries_title="",
-        sections=[*sections, *(caution(running) if isinstance(running, Network) else [])],
+        sections=[
+            *([] if seen is None else _sections(retrainer, seen)),
+            *(caution(running) if isinstance(running, Network) else []),
+        ],
         values={
             **make_record(state),
             "kind": None if running is None else running.kind,
@@ -91,6 +82,25 @@ def describe_retraining(
         calibration=running,
         styles=("network.css",),
     )
+
+
+def _describe(one: Retraining) -> str:
+    """The outcome of a retraining in a line."""
+    return f"{'accepted' if one.accepted else 'rejected'}  {one.why:8s}  {one.reason}"
+
+
+def _key_figures(
+    retrainer: Retrainer, done: Sequence[Retraining], rms: float, largest: float
+) -> list[tuple[str, str, str]]:
+    of = "of the magnitude" if retrainer.params.target == "magnitude" else "of a component"
+    noise, accepted = retrainer.state.noise, sum(one.accepted for one in done)
+    left = quantity(nan if noise is None else noise, "nT", 2)
+    return [
+        ("Residual", quantity(rms, "nT"), "rms, each reading before it was learned"),
+        ("Largest", quantity(largest, "nT"), of),
+        ("Accepted", group_digits(accepted), f"of {count(len(done), 'retraining')}"),
+        ("Left now", left, "standard deviation on an axis"),
+    ]
 
 
 def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
