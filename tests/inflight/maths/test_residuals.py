@@ -7,13 +7,20 @@ from agonic.inflight.maths.residuals import (
     KINDS,
     Layout,
     Rows,
-    compute_residuals,
     correct,
+    cut,
+    residual_pieces,
 )
 from agonic.maths.equation.affine import azimuth_residual, magnitude_residual
 from agonic.maths.rotations.vectors import find_best_rotation
 
 N = 60
+
+
+def compute_residuals(given, kind, params, layout, sd=0.0):
+    """Residuals (n,) and their Jacobian (n, m) of rows that make one block."""
+    ((r, few, onto),) = residual_pieces(lambda: cut(given, layout), kind, layout, sd)(params)
+    return r, few @ onto
 
 
 def rows(terms: int, matrix_terms: int) -> Rows:

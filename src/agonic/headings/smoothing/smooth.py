@@ -14,7 +14,6 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Mask
-from agonic.headings.attitude import Attitude
 from agonic.headings.compass_heading import pick_used
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
@@ -89,7 +88,10 @@ def smooth_headings(
     moments = put_together(time, np.asarray(np.isfinite(level).all(axis=(1, 2))))
     if moments is None:
         return None
-    known = np.zeros(3) if attitude.gyro_bias is None else attitude.gyro_bias
+    known, bias_sd = np.zeros(3), BIAS_SD
+    if attitude.gyro_bias is not None:  # a filter takes acceleration for noise, which lasts
+        known = attitude.gyro_bias
+        bias_sd = min(max(2.0 * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
     carried = carry(time, rate - known, level, moments)
     each = [(*one.indicated, _find_sound(one, time)) for one in by_row.compasses]
     _, magnetic, random, _, horizontal, vertical, sound = (
@@ -121,7 +123,7 @@ def smooth_headings(
         by_bias=observed.by_bias @ axes @ axes.T,
         by_shared=np.concatenate([shared, delay], axis=1),
         field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
-        bias_sd=_find_bias_sd(attitude),
+        bias_sd=bias_sd,
         # of the calibration only beside a tilt of our own, whose lasting errors are listed: those
         # of a recorded tilt last as the filter that made it pleases, and would be taken for them
         found=shared.shape[1] - 3 if attitude.source == "gyro" else GYRO,
@@ -141,15 +143,6 @@ def smooth_headings(
         GAIN_SD * found.gain,
         found.sizes,
     )
-
-
-def _find_bias_sd(attitude: Attitude) -> float:
-    """How well the gyro's bias is known: of a filter's what it says of it, doubted."""
-    if attitude.gyro_bias is None:
-        return BIAS_SD
-    # times its stated error that the filter's bias of a gyro may be off: it takes acceleration
-    # for noise, which lasts
-    return min(max(2.0 * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
 
 
 def _find_rest(

@@ -25,7 +25,7 @@ TURN = 2
 
 class Estimate(NamedTuple):
     """The solution, and of each kind the noise, the residuals, and the correlated errors, in units
-    of the magnitude; `sds` as `compute_residuals` takes them; `held_out` the held-out error, nT, by
+    of the magnitude; `sds` as `find_residuals` takes them; `held_out` the held-out error, nT, by
     the number of intervals tried."""
 
     solution: leastsq.Solution

@@ -130,9 +130,6 @@ class InflightFit(Judged):
         return self.drift.at(np.atleast_1d(np.asarray(time, dtype=np.float64)))
 
 
-_OF_SOLUTION = ("condition", "iterations", "converged")
-
-
 def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> InflightFit:
     """The fit in nT, before it is examined; `samples` are those before the ground calibration."""
     change = saved.build_change(problem, estimate, samples)
@@ -146,19 +143,11 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
     magnitude = channels["magnitude"]
     variance, lasting_s = join_errors(estimate.errors.get("magnitude", ()))
     size = magnitude.noise / estimate.noise["magnitude"].sd
-    off = None
-    if problem.direction is not None:  # both in the axes of the turned sensor
-        aim = problem.direction.aim @ problem.rotation
-        across = np.linalg.norm(np.cross(field, aim), axis=1)
-        off = np.degrees(np.arctan2(across, (field * aim).sum(axis=1)))
+    turn = saved.find_rotation_covariance(problem, estimate)
     return InflightFit(
         calibration=saved.build_calibration(problem, estimate, change, samples),
         change=change,
-        after=change
-        if ground is None
-        else saved.join_affine(
-            ground, change, samples, saved.find_rotation_covariance(problem, estimate)
-        ),
+        after=change if ground is None else saved.join_affine(ground, change, samples, turn),
         before=ground,
         ground=problem.ground,
         drift=saved.build_drift(estimate, problem.magnitude),
@@ -171,7 +160,7 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         weights=weights,
         channels=channels,
         alignment=saved.build_alignment(problem, estimate, change),
-        direction_error_deg=off,
+        direction_error_deg=_find_direction_error(problem, field),
         source_names=estimate.terms.sources,
         sources=sources,
         sources_sd=sources_sd,
@@ -180,10 +169,22 @@ def build_result(problem: Problem, estimate: Estimate, samples: Samples) -> Infl
         correlation_s=magnitude.correlation * float(np.median(np.diff(problem.time))),
         lasting_nT=min(float(np.sqrt(variance)) * size, magnitude.noise),
         lasting_s=lasting_s,
-        **{name: getattr(estimate.solution, name) for name in _OF_SOLUTION},
+        condition=estimate.solution.condition,
+        iterations=estimate.solution.iterations,
+        converged=estimate.solution.converged,
         solve=problem.settings.solve,
         held_out=estimate.held_out,
     )
+
+
+def _find_direction_error(problem: Problem, field: Array) -> Array | None:
+    """The angle (n,), degrees, between the field (n, 3) and the direction expected; None without
+    attitude."""
+    if problem.direction is None:  # both are in the axes of the turned sensor
+        return None
+    aim = problem.direction.aim @ problem.rotation
+    across = np.linalg.norm(np.cross(field, aim), axis=1)
+    return np.asarray(np.degrees(np.arctan2(across, (field * aim).sum(axis=1))))
 
 
 def _build_channels(problem: Problem, estimate: Estimate) -> dict[str, Channel]:

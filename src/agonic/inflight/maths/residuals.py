@@ -155,24 +155,11 @@ def residual_pieces(
 
 
 def find_residuals(rows: Rows, kind: str, params: Array, layout: Layout, sd: float = 0.0) -> Array:
-    """The residuals alone, as `compute_residuals` has them."""
+    """The residuals (n,) of one kind; `sd` is the noise of the readings (see `magnitude_residual`),
+    across the field κ, errors of the attitude, rad, over it: the noise in their own Jacobian makes
+    no bias then."""
     parts = residual_pieces(lambda: cut(rows, layout), kind, layout, sd)(params)
     return np.concatenate([part[0] for part in parts])
-
-
-def compute_residuals(
-    rows: Rows, kind: str, params: Array, layout: Layout, sd: float = 0.0
-) -> tuple[Array, Array]:
-    """Residuals (n,) of one kind and their Jacobian (n, m); `sd` is the noise of the readings (see
-    `magnitude_residual`), across the field κ, errors of the attitude, rad, over it: then
-
-        r = u·e / √(|Mᵀe|² + κ²F²)
-
-    has the noise of the readings everywhere, and the noise in its own Jacobian makes no bias.
-    """
-    block = _make_block(rows, layout)
-    r, few = _linearise(block, kind, params, layout, sd)
-    return r, few @ block.onto
 
 
 def _linearise(

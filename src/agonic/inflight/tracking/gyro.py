@@ -23,6 +23,7 @@ from agonic.calibration.tracking import (
 )
 from agonic.maths.equation.symmetric import pack_symmetric, unpack_symmetric
 from agonic.maths.estimation.filters import kalman, states
+from agonic.maths.estimation.filters.jump_test import LOST
 from agonic.maths.estimation.noise.residuals import robust_scale
 
 OPENING = 128
@@ -149,7 +150,8 @@ def _note_jump(state: TrackerState, params: TrackerParams, row: Array, size: flo
         recent = Recent(
             before=estimate, middle=estimate, rows=np.empty((0, states.BESIDE_GYRO.row))
         )
-        began, unknown = estimate.time - estimate.lost_s, np.full(3, params.jump_sd)
+        lost_s = float(estimate.watched[LOST])  # since a reading fitted its prediction
+        began, unknown = estimate.time - lost_s, np.full(3, params.jump_sd)
         jumps.append(Jump(time=began, seen=began, shift=np.zeros(3), shift_sd=unknown))
     jumps[-1] = replace(jumps[-1], seen=estimate.time)
     if estimate.time - jumps[-1].time > LOST_S:

@@ -35,11 +35,6 @@ def number_blocks(n: int, count: int = BLOCKS) -> Index:
     return np.asarray(np.arange(n) * count // max(n, 1), dtype=np.intp)
 
 
-def hold_out(n: int) -> Mask:
-    """The rows (n,) that are not trained on: every fifth block of time."""
-    return np.asarray(number_blocks(n) % 5 == 2)
-
-
 class Scale(NamedTuple):
     """Inputs and targets as −1…1: x = (input − middle)/half, y = (target − middle)/half."""
 
@@ -192,7 +187,8 @@ def _train_until_settled(
     """
     settings, scaled, size = task.problem.settings, task.between, task.scale.output_half
     x = scaled.x
-    held = hold_out(len(x)) if settings.stopping == "early" else np.zeros(len(x), dtype=bool)
+    # every fifth block of time
+    held = (number_blocks(len(x)) % 5 == 2) & (settings.stopping == "early")
     seen, unseen = np.flatnonzero(~held), np.flatnonzero(held)
     error = -(task.scale.output_middle + size * scaled.target)
     epochs: tuple[levenberg_marquardt.Epoch, ...] = ()

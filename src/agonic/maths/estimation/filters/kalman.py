@@ -34,7 +34,7 @@ from __future__ import annotations
 import functools
 import importlib
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -232,8 +232,3 @@ def compile_filter() -> Callable[..., tuple[int, bool]] | None:
 def is_worth_compiling(rows: int) -> bool:
     """Whether numba is to be used for so many rows: for many, and for few once it is loaded."""
     return rows >= COMPILE_FROM or compile_filter.cache_info().currsize > 0
-
-
-def join_predictions(parts: Sequence[Predictions]) -> Predictions:
-    """What was seen of consecutive pieces."""
-    return Predictions(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

@@ -178,11 +178,6 @@ class FilterState(NamedTuple):
         return float(self.watched[jump_test.TIME])
 
     @property
-    def lost_s(self) -> float:
-        """Seconds since a reading fitted its prediction, beside a gyro."""
-        return float(self.watched[jump_test.LOST])
-
-    @property
     def unseen_turn(self) -> float:
         """Sd of what the sensor turns between two readings beside what both rates say, rad."""
         return float(np.sqrt(self.watched[motion.UNSEEN]))
