@@ -24,6 +24,7 @@ from agonic.inflight.fit.pointing import find_eclipse, find_sun_height
 from agonic.inflight.fit.problem import Problem
 from agonic.inflight.fit.solve import fit_rows, state_errors
 from agonic.inflight.fit.terms import evaluate_spline, place_knots
+from agonic.maths.equation import polynomial
 from agonic.maths.estimation.leastsq import Solution, inverse
 from agonic.model.average import Group, Prior, average, choose, solve
 from agonic.model.terms.time import TIME
@@ -81,6 +82,17 @@ def _find_temperature(problem: Problem, estimate: Estimate) -> Array | None:
     return np.column_stack([over_range, (2 * over_range) ** 2])
 
 
+def _find_bend(problem: Problem, estimate: Estimate) -> Array | None:
+    """What the next two powers of temperature are beside those that were fitted."""
+    celsius, degree = problem.samples.temperature, estimate.terms.degree
+    # the shape of a ground calibration over temperature was told by its chamber
+    if celsius is None or not 0 < degree <= problem.settings.temperature_degree:
+        return None
+    x = 2 * (celsius - celsius.mean()) / np.ptp(celsius)
+    beside = np.linalg.qr(polynomial.powers(x, degree + 2))[0][:, degree + 1 :]
+    return np.asarray(beside / np.ptp(beside, axis=0))
+
+
 COURSES = (
     Course("drift", _find_drift, at_end=True),
     Course(
@@ -94,6 +106,11 @@ COURSES = (
         "temperature",
         _find_temperature,
         "fit with it (--temperature 1), or start from a calibration over temperature",
+    ),
+    Course(
+        "higher orders of temperature",
+        _find_bend,
+        "fit with them (a larger --temperature), or start from a calibration over temperature",
     ),
 )
 
