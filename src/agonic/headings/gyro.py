@@ -53,17 +53,12 @@ class Stretch(NamedTuple):
 def filter_down(
     time: Array, specific_force: Array, rotation_rate: Array, settling_s: float, speed: Speed
 ) -> tuple[FilteredDown, Speed]:
-    """The direction of down by the offline filter, with what acceleration may have done to it; and
-    the speed, trusted or not.
-
-    The filter runs forwards and backwards over evenly spaced rows, so readings are brought to even
-    times and its result back. VQF takes the specific force at rest as up and its quaternion turns
-    body components into axes whose third is up; the body axes may be any.
+    """The direction of down by the offline filter (VQF, forwards and backwards over even rows),
+    with what acceleration may have done to it; and the speed, trusted or not.
 
     The acceleration of turning at the speed of the log is taken out, where what the filter did not
-    trust agrees with it. What is left is low-passed by the filter and trusted: the tilt is wrong
-    by ⟨a⟩/g. What it did not trust, a − ⟨a⟩, is seen, and about the corner of the low-pass tells
-    how much of a went unseen (`UNSEEN`). settling_s is the time constant of that low-pass.
+    trust agrees with it. What is left is low-passed by `settling_s` and trusted: the tilt is wrong
+    by ⟨a⟩/g, of which a − ⟨a⟩ about the corner of the low-pass tells how much (`UNSEEN`).
     """
     n = len(time)
     pauses = np.flatnonzero(np.diff(time) > GAP_S) + 1

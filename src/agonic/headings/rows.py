@@ -259,11 +259,8 @@ def compare_compasses(
     compasses: Sequence[CompassRows], limit_deg: float
 ) -> tuple[Array | None, Mask | None]:
     """The largest difference between the headings of two compasses, (n,), NaN where fewer were
-    read, and the rows on which two differ that are both trusted; `None` with a single one.
-
-    By more than the limit and three of their standard deviations; a sensor known to be disturbed is
-    outvoted already.
-    """
+    read, and the rows on which two differ that are both trusted, by more than the limit and three
+    of their standard deviations; `None` with a single one."""
     if len(compasses) == 1:
         return None, None
     n = len(compasses[0].indicated.magnetic_deg)

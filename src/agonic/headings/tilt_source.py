@@ -241,11 +241,8 @@ def find_rate_mounting(samples: Samples, setup: Setup, calibration: Calibration)
 def mend_unit(
     samples: Samples, setup: Setup, calibration: Calibration, *, smooth: bool
 ) -> tuple[Samples, tuple[str, ...]]:
-    """The samples without a gyro that does not turn as the calibrated field does, and without an
-    accelerometer that does not turn as the gyro does or has another unit, and what to say of it;
-    as they are where neither is used, for no tilt and not to `smooth` headings.
-
-    Raises LogError where the tilt has to come from a sensor that is left out.
+    """The samples without a gyro or an accelerometer that does not turn as the calibrated field
+    does, and what to say of it; as they are where neither is used, for no tilt and not to `smooth`.
     """
     recorded = samples.roll_deg is not None and samples.pitch_deg is not None
     needed = {

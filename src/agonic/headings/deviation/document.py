@@ -139,12 +139,8 @@ class Remedy:
 
 
 def find_remedies(card: Deviation) -> tuple[Remedy, ...]:
-    """The steps that would help: turning the compass by A, nulling B and C with magnets, and both.
-
-    A positive A is a compass that reads too little: turned clockwise by A it reads right on the
-    whole. B is the magnetism along the keel, nulled on east or west by magnets fore and aft; C that
-    across it, nulled on north or south by magnets athwartships. D and E, of soft iron, stay. A
-    step is named where its coefficients stand out of their errors and it helps.
+    """The steps that would help, where their coefficients stand out of their errors: turning the
+    compass by A, nulling B by magnets fore and aft and C by magnets athwartships, and both.
 
     Source: Handbook of Magnetic Compass Adjustment (National Geospatial-Intelligence
     Agency, 2004), chapters V and VI.

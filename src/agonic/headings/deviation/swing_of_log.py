@@ -17,10 +17,7 @@ from agonic.samples import Samples
 
 def find_swing(samples: Samples, setup: Setup) -> Swing:
     """The swing that a log with a heading of its own is, of the rows that can be trusted: what the
-    calibration alone makes of the compass, and the logged heading from magnetic north.
-
-    Parameters: samples with `heading_deg`; the setup's one compass, whose card is left out.
-    Raises `LogError` where no heading was logged, and as `heading` does.
+    calibration alone makes of the setup's one compass, and the logged heading from magnetic north.
     """
     if samples.heading_deg is None:
         raise LogError(

@@ -47,12 +47,8 @@ def compute_amplification(headings_deg: Array, chosen: Mask) -> float:
 
 
 def find_missing_deg(headings_deg: Array, chosen: Mask, enough: float) -> Array:
-    """Headings to add: those of the eight points that were not steered, and more where needed.
-
-    A point counts as steered within half a point, 22.5°. Where that does not bring
-    `compute_amplification` to `enough`, points of the sixteen follow, each where the curve is known
-    worst.
-    """
+    """Headings to add: those of the eight points that were not steered within half a point, and of
+    the sixteen those where the curve is known worst, until `compute_amplification` is `enough`."""
     have = np.asarray(headings_deg, dtype=np.float64)
     added = [float(h) for h in ROSE_DEG if _apart_deg(h, have) > 22.5]
     while compute_amplification(np.append(have, added), chosen) > enough and len(added) < 16:

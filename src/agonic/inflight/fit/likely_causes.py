@@ -225,12 +225,8 @@ def _list_mistakes(samples: Samples) -> Iterator[tuple[str, str, Change]]:
 
 
 def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> Iterator[Finding]:
-    """A bias so far from the ground's that the axes, or the sensor, are others.
-
-    A magnitude hardly tells an axis that was renamed or reversed since the ground: matrices are
-    near to the identity, and the bias of the flight takes up the rest. But nothing else leaves a
-    bias near that of the ground with other names of the axes, and far from it without.
-    """
+    """A bias so far from the ground's that the axes, or the sensor, are others: nothing else leaves
+    it near that of the ground with other names of the axes, and far from it without."""
     moved = float(np.linalg.norm(fit.change.bias))
     if problem.ground is None or moved < FAR * problem.magnitude:
         return

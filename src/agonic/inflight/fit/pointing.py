@@ -56,13 +56,7 @@ def expect_direction(
 
 def local_vertical_nb(samples: Samples) -> Array:
     """Attitude of a spacecraft that keeps one side to the Earth, (n, 3, 3): z to the centre of the
-    Earth, y against the normal of the orbit, x ahead.
-
-    The normal at each row is that of the plane through the positions before and after it among the
-    stars, so that no velocity is needed and gaps do no harm.
-
-    Raises `LogError` without positions, times and a date.
-    """
+    Earth, y against the normal of the orbit, which the positions before and after a row tell."""
     position = _position_i(samples)
     if position is None or len(samples) < 3:
         raise LogError(

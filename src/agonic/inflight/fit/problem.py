@@ -120,11 +120,7 @@ class Problem:
 
 def make_settings(given: Mapping[str, Any]) -> Settings:
     """What was asked for, checked, among all that a fit was given by name; `solve` is by default
-    "bias" with a ground calibration and "full" without.
-
-    Raises `AgonicError` for what makes no sense, and for a ground calibration that bias and matrix
-    cannot be added to.
-    """
+    "bias" with a ground calibration and "full" without."""
     ground, sources = given["ground"], given["sources"]
     solve = given["solve"] or ("full" if ground is None else "bias")
     if isinstance(sources, str):

@@ -30,13 +30,8 @@ from agonic.samples import Samples
 def describe_inflight(
     fit: InflightFit, samples: Samples | None = None, *, title: str = ""
 ) -> Document:
-    """A fit in flight.
-
-    Parameters
-    ----------
-    fit : from `fit_inflight`. samples : the readings it was made from, which know where each was
-        taken; without them there is no map. title : of the page; default: the sensor.
-    """
+    """A fit in flight; without the `samples` it was made from, which know where each was taken,
+    there is no map."""
     sd, rms = fit.sd, float(np.sqrt(np.mean(fit.residuals[fit.weights > 0] ** 2)))
     reference, unit = fit.calibration.provenance.settings.get("reference"), fit.change.unit_in
     names, lasts = signals(fit.source_names), ""
@@ -117,13 +112,8 @@ def describe_tracking(
     rows: int = 0,
     title: str = "",
 ) -> Document:
-    """What a tracker made of a log.
-
-    Parameters
-    ----------
-    tracker : after the log. found : what `tracker.update(samples, …)` gave, None where nothing was
-        new. samples : its readings; without them nothing is drawn. rows : of the log.
-    """
+    """What a tracker made of a log of so many `rows`: `found` is what its update gave, None where
+    nothing was new; without its readings, the `samples`, nothing is drawn."""
     state, turn, history = tracker.state, tracker.state.turn, tracker.history
     rms, new = None, 0 if found is None else len(found.residual)
     if found is not None:  # without those of which a start could not yet say anything

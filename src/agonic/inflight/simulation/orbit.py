@@ -32,13 +32,9 @@ from agonic.units import RAW
 def simulate_ground(
     made: SimulatedOrbit, *, n: int = 4000, noise: float = 100.0, seed: int = 0
 ) -> tuple[Samples, Array]:
-    """Readings of the same sensor in a coil, and the field (n, 3), body axes, nT.
-
-    The field points in all directions with the magnitudes of an orbit, while the temperature is
-    swept over −30 to 50 °C and back every ten minutes.
-
-    Parameters: `n` readings, one a second; `noise` of each on an axis, nT; `seed` of both.
-    """
+    """`n` readings of the same sensor in a coil, one a second, and the field (n, 3), body axes, nT:
+    in all directions with the magnitudes of an orbit, between −30 and 50 °C and back in ten
+    minutes."""
     rng = np.random.default_rng((seed, 7))
     time = np.arange(float(n))
     low, high = RANGE_C

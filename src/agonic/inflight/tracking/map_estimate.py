@@ -25,12 +25,9 @@ def compute_likelihoods(
     jacobian: Array,
     noise: Array,
 ) -> Array:
-    """The log-likelihood (k,) of n residuals under k noise models, −Σ (ln s + z²/2s²).
-
-    Parameters: prior, whose g is widened to `external_sd` where a model has more; times (n,), s;
-    residual (n, k), at the state of the prior; jacobian (n, m) by the m numbers of the state;
-    noise (n, k), sd of each residual in its own unit.
-    """
+    """The log-likelihood (k,) of residuals (n, k) at the state of the prior under k noise models,
+    −Σ (ln s + z²/2s²): `jacobian` (n, m) by the m numbers of the state, `noise` (n, k) of each; g
+    of the prior is widened to `external_sd` where a model has more."""
     k, m = len(models), len(prior.diagonal)
     _, external, external_time, walk, matrix_walk, *_ = np.array(models, dtype=np.float64).T
     covariance = np.tile(prior.covariance, (k, 1, 1))

@@ -106,9 +106,8 @@ def predict(
 ) -> tuple[states.FilterState, kalman.Predictions]:
     """The estimate after rows that come before the next solution, and what it predicted of them.
 
-    A wide estimate learns nothing from them: linearised at one reading after the other it would
-    take its own errors for knowledge, and state standard errors that are too small by far. `model`
-    sees no jumps.
+    A wide estimate learns nothing: linearised at one reading after the other it would take its own
+    errors for knowledge. `model` sees no jumps.
     """
     taken = rows if learns else np.column_stack([rows[:, :5], np.zeros(len(rows))])
     later, seen, _ = kalman.advance(estimate, model, taken, compiled=compiled)

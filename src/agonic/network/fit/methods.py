@@ -38,14 +38,12 @@ def descend(
     rate: float = 0.1,
     momentum: float = 0.9,
 ) -> Descent:
-    """The weights after so many epochs of plain backpropagation from a start (m,), each of which
-    sees all rows. It ends early where the error grows without limit.
+    """The weights after so many epochs of plain backpropagation from a start (m,), on all rows.
 
         v ← momentum v − rate ∇E,   ω ← ω + v,   E the mean square error of the scaled outputs
 
-    as Rumelhart, Hinton & Williams (1986) have it; or with a rate that adapts (Vogl et al. 1988):
-    5 % more after each step that helped; after one that made E larger by more than 4 % the step is
-    undone, v forgotten and the rate 30 % less.
+    (Rumelhart, Hinton & Williams 1986); or with a rate that adapts (Vogl et al. 1988): 5 % more
+    after a step that helped, 30 % less after one that is undone, for it made E 4 % larger.
     """
     count = problem.target.size
     weights, velocity = np.array(start, dtype=np.float64), np.zeros(len(start))

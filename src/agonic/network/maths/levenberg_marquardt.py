@@ -164,12 +164,8 @@ class Start(NamedTuple):
 def choose_start(
     problem: Problem, *, seed: int, restarts: int, held_out: Problem | None = None
 ) -> Start:
-    """The most promising of several random starts, tried on some of the rows.
-
-    After a few epochs the better half goes on for twice as many, until one is left, which is
-    trained to its end: steps on some of the rows are cheap. One start is taken as it is drawn. With
-    `held_out` each is trained until the error there rises, and the least of those errors decides.
-    """
+    """The most promising of several random starts: on some of the rows the better half goes on for
+    twice as many epochs, until one is left; with `held_out` the least error there decides."""
     rng = np.random.default_rng(seed)
     few = problem
     if len(problem.x) > _FEW:

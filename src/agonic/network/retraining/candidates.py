@@ -177,12 +177,8 @@ def adapt(params: RetrainerParams, running: Running | None) -> RetrainerParams:
 def train_candidates(
     state: RetrainerState, params: RetrainerParams, seen: Window, *, whole: bool
 ) -> list[Candidate]:
-    """Candidates from the simplest, trained on some rows.
-
-    While a change is being learned, on less than a `whole` window, the base alone is let go: what
-    is known of weights is not Gaussian so far from where they were.
-
-    Raises `AgonicError` where the rows cannot teach anything.
+    """Candidates from the simplest, trained on some rows. While a change is being learned, on less
+    than a `whole` window, the base alone is let go: what is known of weights is not Gaussian then.
     """
     running = state.running
     found: list[Candidate] = []

@@ -122,12 +122,9 @@ def discount_alarm(state: RetrainerState, correlation: float) -> RetrainerState:
 def close_retraining(
     state: RetrainerState, params: RetrainerParams, done: Retraining
 ) -> RetrainerState:
-    """The state after a retraining: what is kept of the window, and what is due next.
-
-    After an accepted change the readings from before it are dropped, and it is learned again as the
-    window fills. A poisoned stretch is dropped, and the next one waited out twice as long before it
-    is believed.
-    """
+    """The state after a retraining: readings from before an accepted change are dropped, and it is
+    learned again as the window fills; a poisoned stretch is dropped, and the next one waited out
+    twice as long."""
     window, wait, has_changed = state.window, params.fewest, done.onset is not None
     if has_changed and done.poisoned:
         assert state.onset is not None

@@ -74,14 +74,12 @@ def advance(
     linearised: Array | None = None,
     compiled: bool | None = None,
 ) -> tuple[FilterState, Predictions, bool]:
-    """The filter after some readings, what was predicted of each, and whether a jump was seen.
+    """The filter after some rows (n, 6) or (n, 9), what was predicted of each, and whether a jump
+    was seen, at which it stops.
 
-    Stops after the reading at which a jump shows, so `Predictions` may be shorter than the rows.
-
-    Parameters: rows (n, 6) or (n, 9) as the table says; linearised (10,) takes every residual by
-    the magnitude as linear about that state: with it and without walk the result is a Gauss–Newton
-    step of the batch fit from there; compiled asks for numba (`None`: for many rows), used where it
-    is installed.
+    `linearised` (10,) takes every residual by the magnitude as linear about that state: without
+    walk the result is a Gauss–Newton step of the batch fit from there; `compiled` asks for numba
+    (`None`: for many rows), used where it is installed.
     """
     n, table = len(rows), before.table
     wanted = is_worth_compiling(n) if compiled is None else compiled

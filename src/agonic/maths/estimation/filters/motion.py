@@ -49,11 +49,9 @@ def find_mean_rate(row: Any, elapsed: float, watch: Any, x: Any) -> tuple[float,
 def find_unseen_turn(row: Any, elapsed: float, watch: Any) -> float:
     """Variance about each axis, rad², of what turns between two readings beside the mean rate.
 
-    The rate is known at the readings alone. Between them it is taken to be a straight line, and
-    what it does beside is as large as the second difference Δ² of the rates shows: Δt² E(Δ²)²/12
-    where successive rates have nothing to do with one another, half of that in a random walk, and
-    Δt² (Δ²)²/144 where they are smooth. The largest is taken. The last
-    rate, its last change, a mean of (Δ²)² and one of the variance in `watch` are moved on.
+    As large as the second difference Δ² of the rates shows: Δt² E(Δ²)²/12 where successive rates
+    have nothing to do with one another, half of that in a random walk, and Δt² (Δ²)²/144 where they
+    are smooth; the largest is taken. `watch` is moved on.
     """
     total = 0.0
     for i in range(3):
