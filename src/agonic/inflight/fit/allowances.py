@@ -122,13 +122,14 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
     Of a record that is fitted in pieces, `problem` holds the rows in memory.
     """
     found, unit = [], problem.magnitude
+    params, covariance = estimate.solution.params, estimate.solution.covariance.copy()
     if estimate.terms.splines:
         spline = estimate.layout.bias_columns(slice(estimate.terms.splines)).ravel()
-        averaged = average_over_size(estimate.solution, spline)
-        estimate = estimate._replace(solution=averaged)
-    sd = np.sqrt(np.diag(estimate.solution.covariance)[:3].max())
-    for course, there, size, square in weigh_courses(problem, estimate):
-        estimate = _grow(estimate, square)
+        params, covariance = average_over_size(estimate.solution, spline)
+    sd = np.sqrt(np.diag(covariance)[:3].max())
+    averaged = estimate._replace(solution=estimate.solution._replace(params=params))
+    for course, there, size, square in weigh_courses(problem, averaged):
+        covariance[:3, :3] += square
         if there and course.move and size > max(sd, 3 * EXTERNAL_NT / unit):  # or the world model's
             what = (
                 f"the bias follows the {course.name}, by {figure(size * unit)} nT (rms over the "
@@ -137,7 +138,7 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
             found.append(Finding(course.name, "check", what, course.move))
     if short := measure_short_error(estimate):
         # the bias found is that of the mean; at any moment it is off by what is on then
-        estimate = _grow(estimate, short**2 * np.eye(3))
+        covariance[:3, :3] += short**2 * np.eye(3)
         what = (
             f"residuals contain {figure(short * unit)} nT that are correlated over minutes, as "
             "from a switched current that was not recorded; the standard error of the bias "
@@ -145,7 +146,8 @@ def allow_for_unseen(problem: Problem, estimate: Estimate) -> tuple[Estimate, li
         )
         move = "record the currents on board and fit with them (--with), or leave out when they "
         found.append(Finding("switching current", "check", what, f"{move}flowed"))
-    return estimate, found
+    solution = estimate.solution._replace(params=params, covariance=covariance)
+    return estimate._replace(solution=solution), found
 
 
 def weigh_courses(
@@ -172,14 +174,11 @@ def weigh_courses(
     columns, first, last = columns[used], -len(named), slice(-len(named), None)
     sizes = np.ones(other.layout.parameters)  # of courses as they are, of a size of about one
     sizes[other.layout.bias_columns(last)] = 1 / other.terms.spread[last]
-    solution = other.solution._replace(
-        params=other.solution.params * sizes,
-        covariance=other.solution.covariance * np.outer(sizes, sizes),
-    )
+    covariance = other.solution.covariance * np.outer(sizes, sizes)
     parts = [slice(first, first := first + x.shape[1]) for x in known.values()]
     parts = [slice(part.start, part.stop or None) for part in parts]
     own = [other.layout.bias_columns(part).ravel() for part in parts]
-    gram, _, prior, groups = _arrange(solution, own, LIKELY)
+    gram, _, prior, groups = _arrange(other.solution.params * sizes, covariance, own, LIKELY)
     there, _ = choose(gram, prior, groups, {})
     for i, (course, part, group) in enumerate(zip(known, parts, groups, strict=True)):
         term = average(gram, solve(gram, prior, groups, there, i), group)
@@ -193,9 +192,11 @@ def weigh_courses(
         yield course, i in there and term.odds > CLEAR, size, square + np.outer(moved, moved)
 
 
-def average_over_size(solution: Solution, own: Index) -> Solution:
-    """A solution averaged over the size of the term whose coefficients are `own`."""
-    gram, order, prior, groups = _arrange(solution, [own], 1 - 1e-9)
+def average_over_size(solution: Solution, own: Index) -> tuple[Array, Array]:
+    """Parameters and covariance of a solution averaged over the size of the term whose coefficients
+    are `own`."""
+    certain = 1 - 1e-9
+    gram, order, prior, groups = _arrange(solution.params, solution.covariance, [own], certain)
     base = solve(gram, prior, groups, {})
     term = average(gram, base, groups[0])
     m, onto = len(base.columns), np.vstack([-term.alias, np.eye(len(own))])
@@ -203,19 +204,19 @@ def average_over_size(solution: Solution, own: Index) -> Solution:
     params[:m] += base.estimate
     covariance[:m, :m] += base.inverse
     back = np.argsort(order)
-    return solution._replace(params=params[back], covariance=covariance[np.ix_(back, back)])
+    return params[back], covariance[np.ix_(back, back)]
 
 
 def _arrange(
-    solution: Solution, own: list[Index], odds: float
+    params: Array, covariance: Array, own: list[Index], odds: float
 ) -> tuple[Array, Index, Prior, list[Group]]:
     """Cross-products of a solution with the coefficients of terms last, their order, no prior on
     the others, and the terms as groups."""
-    information = inverse(solution.covariance)
-    right = information @ solution.params
+    information = inverse(covariance)
+    right = information @ params
     others = np.setdiff1d(np.arange(len(right)), np.concatenate(own))
     order = np.concatenate([others, *own])
-    gram = np.block([[information, right[:, None]], [right, solution.params @ right]])
+    gram = np.block([[information, right[:, None]], [right, params @ right]])
     places = np.append(order, len(right))
     stops = len(others) + np.cumsum([len(one) for one in own])
     groups = [
@@ -236,10 +237,3 @@ def measure_short_error(estimate: Estimate) -> float:
     # of the field: more than crust and polar currents leave along the field but seldom
     # of the standard deviation of a residual
     return sd if sd > max(1e-3, 0.25 * estimate.noise["magnitude"].sd) else 0.0
-
-
-def _grow(estimate: Estimate, added: Array) -> Estimate:
-    """The estimate with so much more variance of the bias, (3, 3)."""
-    covariance = estimate.solution.covariance.copy()
-    covariance[:3, :3] += added
-    return estimate._replace(solution=estimate.solution._replace(covariance=covariance))

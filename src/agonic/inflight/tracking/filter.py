@@ -143,7 +143,9 @@ def update(
             state, predicted = gyro.step(state, state.settle_params(params), piece, fast)
         seen.append(predicted)
         done = state.n - before.n
-    whole = kalman.Predictions(*map(np.concatenate, zip(*seen, strict=True)))
+    whole = seen[0]
+    if len(seen) > 1:
+        whole = kalman.Predictions(*map(np.concatenate, zip(*seen, strict=True)))
     residual, sd, field = whole.residual, whole.sd, None
     if state.turn is not None:
         residual, sd = (np.sqrt((one**2).mean(axis=1)) for one in (residual, sd))
