@@ -134,6 +134,8 @@ def choices(node: ast.expr) -> Iterator[str]:
     if isinstance(node, ast.IfExp):
         yield from choices(node.body)
         yield from choices(node.orelse)
+    elif isinstance(node, ast.Name) and node.id == "severity":  # of a limit that has both
+        yield from ("check", "refuse")
     else:
         yield ast.literal_eval(node)
 

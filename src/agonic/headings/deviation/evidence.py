@@ -166,7 +166,7 @@ def _outlier(evidence: Evidence) -> Finding | None:
             return None
         return Finding(
             "outlying headings",
-            LIMITS["outliers"].grade(share) or "note",
+            "check" if LIMITS["outliers"].grade(share) else "note",
             f"{figure(100 * share)} % of the readings are outliers and were left out",
             "look for moments when the vehicle turned or a current was switched",
         )

@@ -82,6 +82,16 @@ def test_numba_gives_the_same_to_rounding() -> None:
     assert also.residual == pytest.approx(seen.residual, abs=1e-6)
 
 
+def test_a_filter_whose_sums_are_lists_beside_arrays_goes_on() -> None:
+    pytest.importorskip("numba")
+    model = states.Model(100.0)
+    fast, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=True)
+    mixed, row = states.forget_sums(fast), rows_of(51)[50:]
+    one, _, _ = kalman.take_one(mixed, model, row[0].tolist())
+    after, _, _ = kalman.advance(mixed, model, row, compiled=True)
+    assert one.state == pytest.approx(after.state, rel=1e-12)
+
+
 def test_without_numba_the_plain_source_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     model = states.Model(100.0)
     plain, _, _ = kalman.advance(prior(), model, rows_of(50), compiled=False)

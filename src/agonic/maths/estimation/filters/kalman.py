@@ -125,10 +125,10 @@ def take_one(
 
 def _copy_lists(before: FilterState) -> tuple[Any, ...]:
     """Numbers, columns, scales and what is watched, to be worked on as lists."""
-    x, columns, diagonal, watch, _ = before
-    if isinstance(x, np.ndarray):
-        return x.tolist(), columns.tolist(), diagonal.tolist(), watch.tolist()
-    return x.copy(), [column.copy() for column in columns], diagonal.copy(), watch.copy()
+    x, columns, diagonal, watch = (
+        part.tolist() if isinstance(part, np.ndarray) else part.copy() for part in before[:4]
+    )
+    return x, [column.copy() for column in columns], diagonal, watch
 
 
 def _sum_batches(
