@@ -17,8 +17,6 @@ from agonic.provenance import Provenance
 from agonic.readable import Readable
 from agonic.samples import Samples
 
-_DIGITS = 12  # of a rotation, which a file holds as a quaternion
-
 
 class Valued(Readable):
     """Equal where all that it holds is equal, to the last bit of every number."""
@@ -35,7 +33,7 @@ class Valued(Readable):
 def _key(value: Any) -> Any:
     """A value as what can be compared and hashed."""
     if hasattr(value, "as_matrix"):  # a Rotation; what only reads a log loads no SciPy
-        return _key(value.as_matrix().round(_DIGITS))
+        return _key(value.as_matrix().round(12))  # a file holds it as a quaternion
     if isinstance(value, np.ndarray):
         return value.shape, (value + 0.0).tobytes()  # the sum turns −0 into 0
     if isinstance(value, np.generic):

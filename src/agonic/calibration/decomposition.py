@@ -26,7 +26,6 @@ from agonic.calibration.affine import Affine
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.affine import model_basis
 
-_SINGULAR = 1e-12  # of the cube of the largest entry: a determinant that is none
 PAIRS = ((0, 1), (0, 2), (1, 2))
 """The pairs of axes whose angle is given: xy, xz, yz."""
 
@@ -62,7 +61,7 @@ def decompose_at(calibration: Thermal, temperature_C: Array) -> Decomposition:
 def _decompose(matrix: Array, covariance: Array | None, gauge: str) -> Decomposition:
     """Of matrices (…, 3, 3) with the covariance (…, k, k) of their free entries."""
     largest = np.max(np.abs(matrix), axis=(-2, -1)) ** 3
-    lost = ~(np.abs(np.linalg.det(matrix)) > _SINGULAR * largest)
+    lost = ~(np.abs(np.linalg.det(matrix)) > 1e-12 * largest)
     response = np.linalg.inv(np.where(lost[..., None, None], np.eye(3), matrix))
     response = np.where(lost[..., None, None], np.nan, response)
     size = np.linalg.norm(response, axis=-1)

@@ -56,7 +56,7 @@ TAILS = 8.0
 and iron beside the road. Source: Lange, Little & Taylor (1989), Journal of the American Statistical
 Association 84, 881–896."""
 YEAR_H = 8766.0
-UNSTATED_SHARE, UNSTATED_TILT = 0.01, np.radians(0.5)
+UNSTATED_SHARE = 0.01
 """Errors of a calibration without covariance, and of an inclinometer (`RECORDED_SD_DEG`)."""
 MOUNTED, UNMOUNTED = np.radians(1.0), np.radians(30.0)
 """How well the two housings are in line: calibrated into body axes, and left in their own."""
@@ -147,7 +147,7 @@ def derive_monitor_params(
     own = [_find_field_sd(one, size) for one in pair]
     turn = MOUNTED if all(one.frame_out == "b" for one in pair) else UNMOUNTED
     both = float(np.hypot(own[0], own[1]))
-    tilt = UNSTATED_TILT if setup.tilt_sd_deg is None else float(np.radians(setup.tilt_sd_deg))
+    tilt = np.radians(0.5) if setup.tilt_sd_deg is None else float(np.radians(setup.tilt_sd_deg))
     return MonitorParams(
         field=size,
         horizontal=level,

@@ -34,7 +34,6 @@ _SPELLED = re.compile(
     rf"({NAME}(?:\+{NAME})*)(?:([\^>])([-+\d.eE]+))?(?:@([-+\d.eE]+))?(?:~([-+\d.eE]+))?",
     re.ASCII,
 )
-_LARGEST_POWER = 8.0
 MEMBER = re.compile(r"\d+|(?<=_)[xyz](?=_)")
 """What tells the members of a family apart: motor1_duty, motor2_duty; torquer_x_Am2."""
 _PARTS = re.compile(f"({MEMBER.pattern})")
@@ -79,7 +78,7 @@ def parse_source(text: str) -> Source:
         source = Source(tuple(columns.split("+")), form or "", *(float(x or 0.0) for x in numbers))
     except ValueError:
         source = Source(("",))
-    if not source.columns[0] or (source.form == "^" and not 0.0 < source.value <= _LARGEST_POWER):
+    if not source.columns[0] or (source.form == "^" and not 0.0 < source.value <= 8.0):
         raise AgonicError(
             f"{text!r} is not a source: give its column, a power of it as "
             "motor1_duty^1.5, a sum as battery1_A+battery2_A, where it is on as heater_A>0.5, how "

@@ -29,10 +29,6 @@ if TYPE_CHECKING:
 
 MARK = "star,"
 """Begins the lines of attitudes in a stream that has readings too."""
-BATCH_S = 0.002
-"""What comes within it is computed together: a thousand readings a second cost little more so."""
-_DATED_S = 1e8
-"""Clocks count from 1970 from here on, as in tables of attitudes."""
 _HEADER = ["unix_s", *QUATERNION, *SDS]
 """Columns of attitudes that come without a header."""
 
@@ -106,7 +102,7 @@ def _listen(source: Source, heard: Queue[Event | None], stop: Flag) -> None:
 def _gather(heard: Queue[Event | None], sources: int) -> Iterator[list[Event]]:
     """Events that came within a moment, until every source has ended."""
     while sources:
-        batch, until = [heard.get()], time.monotonic() + BATCH_S
+        batch, until = [heard.get()], time.monotonic() + 0.002
         while (rest := until - time.monotonic()) > 0:
             if isinstance(batch[-1], Words):  # an attitude, for which readings wait
                 break
@@ -139,7 +135,8 @@ def _make_samples(chunk: Chunk) -> Samples:
     """Readings at their own moments where the device tells the date, else at their arrival."""
     moments = chunk.time + (time.time() - time.monotonic())
     if chunk.own is not None:
-        moments = np.where(chunk.own > _DATED_S, chunk.own, moments)
+        # clocks count from 1970, as in tables of attitudes
+        moments = np.where(chunk.own > 1e8, chunk.own, moments)
     order = np.argsort(moments, kind="stable")
     first = float(np.floor(moments[order[0]]))
     return Samples(

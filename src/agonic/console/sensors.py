@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-LONG_BYTES = 5_000_000
-"""A file from about a quarter of a second of reading on."""
-
 
 def open_sensors(
     path: Path, sensor: str | None, unit: str | None, between: str | None = None
@@ -29,7 +26,7 @@ def open_sensors(
 
     with (
         waiting(f"Reading {path.name}")
-        if (path.is_file() and path.stat().st_size > LONG_BYTES)
+        if (path.is_file() and path.stat().st_size > 5_000_000)
         else nullcontext()
     ):
         log = open_log(path, unit=unit)

@@ -28,8 +28,6 @@ from agonic.report.verdict import MEANINGS
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.result import CalibratedCampaign
 
-POINTS = 3000
-"""Readings that are drawn of a sphere."""
 TEMPERATURES = 200
 AXES = ("x", "y", "z")
 WIDE = 2.0  # standard errors that bands reach to either side
@@ -66,7 +64,7 @@ def _(shown: Calibrated, figure: Any) -> None:
     figure.set_size_inches(9, 8)
     above, below = figure.subfigures(2, 1, height_ratios=(3, 2))
     calibration = shown.fit.calibration
-    rows = thin(len(shown.samples), POINTS)
+    rows = thin(len(shown.samples), 3000)
     before, after = shown.verification.spread_before, shown.verification.spread_after
     spheres = (
         ("readings", shown.samples.field[rows], calibration.unit_in, before),

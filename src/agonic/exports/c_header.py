@@ -34,7 +34,6 @@ from agonic.exports.temperature import (
 
 TESTS = 7
 """Known readings of the self-test, over the range of temperatures."""
-FASTEST_C_S = 0.05  # of the known readings: 3 °C a minute
 
 
 def make_thermal_header(calibration: Calibration, name: str) -> tuple[str, tuple[str, ...]]:
@@ -87,7 +86,7 @@ def _known(calibration: Calibration, found: Polynomials, table: Array) -> tuple[
     size = find_magnitude(calibration) or float(np.linalg.norm(matrix[0] @ bias[0])) or 1.0
     raw = np.linalg.solve(matrix, size * directions[:, :, None])[:, :, 0] + bias
     raw = raw.astype(np.float32).astype(np.float64)
-    rates = FASTEST_C_S * rng.uniform(-1, 1, TESTS).astype(np.float32).astype(np.float64)
+    rates = 0.05 * rng.uniform(-1, 1, TESTS).astype(np.float32).astype(np.float64)  # °C/s
     columns = {
         name: np.zeros((TESTS, 3) if name == "second" else TESTS) for name in calibration.needs
     }

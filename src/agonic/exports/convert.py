@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 NEGLIGIBLE_DEG = 0.01
 """A rotation below this is not worth a warning."""
 
-OBLIQUE_DEG = 5.0
-"""A sensor so near to right angles sits by right angles, but for what a calibration corrects."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
@@ -254,7 +251,7 @@ def find_turn_inside(
         return rotation_bm, None
     turn = find_rotation_inside(calibration)[0]
     nearest = float(np.einsum("ij,kij->k", turn.as_matrix(), right_angles()).max())
-    if np.degrees(np.arccos(np.clip((nearest - 1) / 2, -1.0, 1.0))) < OBLIQUE_DEG:
+    if np.degrees(np.arccos(np.clip((nearest - 1) / 2, -1.0, 1.0))) < 5.0:  # the target's own
         return rotation_bm, None
     return turn, np.asarray(turn.as_euler("ZYX", degrees=True)[::-1])
 

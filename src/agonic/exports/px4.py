@@ -124,8 +124,6 @@ SCALE = (0.1, 3.0)  # limits of CAL_MAGn_*SCALE in src/modules/sensors/module.ya
 POWER = "CAL_MAG_COMP_TYP"
 POWER_KIND = {"throttle": 1, "current_A": 2, "battery2_A": 3}  # CAL_MAG_COMP_TYP
 AMPERES = {1: 1.0, 2: 1000.0, 3: 1000.0}  # x per unit of P
-CUSTOM_ANGLES = 100
-"""CAL_MAGn_ROT of CAL_MAGn_ROLL, PITCH and YAW (PX4 1.14 or later; lib/conversion/rotation.h)."""
 INT32, FLOAT = 6, 9  # MAV_PARAM_TYPE
 
 
@@ -203,7 +201,8 @@ def compute_px4_parameters(
     oriented: dict[str, float | int] = {}
     if angles is not None and rotation is None:
         rotation_bm = turn_bm
-        oriented[f"CAL_MAG{slot}_ROT"] = CUSTOM_ANGLES
+        # by ROLL, PITCH and YAW: PX4 1.14 or later, lib/conversion/rotation.h
+        oriented[f"CAL_MAG{slot}_ROT"] = 100
         named = zip(("ROLL", "PITCH", "YAW"), angles.tolist(), strict=True)
         oriented |= {f"CAL_MAG{slot}_{name}": angle for name, angle in named}
     thermal: dict[str, float | int] = {}

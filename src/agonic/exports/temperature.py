@@ -208,7 +208,6 @@ def _scale(calibration: Calibration, low: float, high: float) -> tuple[float, fl
 
 LEVELS = 121
 """Temperatures at which the error is looked at."""
-ASCENTS = 60
 USUAL = 50_000.0
 """The field where its magnitude is not known, nT."""
 
@@ -333,7 +332,7 @@ def _find_largest(turned: Array, shift: Array) -> Array:
     """
     axes = np.linalg.svd(turned)[2]
     u = np.concatenate([axes, -axes], axis=1)
-    for _ in range(ASCENTS):
+    for _ in range(60):
         upwards = (u @ turned.transpose(0, 2, 1) + shift[:, None]) @ turned
         length = np.linalg.norm(upwards, axis=2, keepdims=True)
         u = np.divide(upwards, length, out=u, where=length > 0)

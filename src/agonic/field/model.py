@@ -25,10 +25,6 @@ TOLERANCE = 1e-3
 """Largest difference from the model half-way between nodes, nT."""
 MANY_ROWS = 10_000
 """Fewer are evaluated sooner than a spline is made."""
-ROWS_A_NODE = 16
-"""With fewer rows to a node a spline saves nothing."""
-SHORTEST = 5
-"""Nodes without which a cubic spline is not worth its name."""
 
 
 def evaluate_along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
@@ -66,7 +62,7 @@ def _spline(time: Array, rows: Index, exact: Callable[[Index], Array]) -> Array 
 
     for spacing in SPACINGS_S:
         nodes = rows[_nodes(time[rows], spacing)]
-        if len(nodes) < SHORTEST or len(rows) < ROWS_A_NODE * len(nodes):
+        if len(nodes) < 5 or len(rows) < 16 * len(nodes):  # a spline would save nothing
             return None
         middle = (nodes[1:] + nodes[:-1]) // 2
         spline = CubicSpline(time[nodes], exact(nodes), axis=1)
@@ -87,8 +83,6 @@ PIECE = 16_384
 """Points evaluated together: their intermediate arrays stay in the cache."""
 COMPILE_FROM = 100_000
 """Points from which the compiled kernel is asked for; below, starting the compiler costs more."""
-LOWEST_M = -20_000.0
-"""Below the deepest ocean an altitude is a mistake (and the series does not hold)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -292,7 +286,8 @@ def _check_positions(latitude: Array, longitude: Array, altitude: Array) -> None
     checks = (
         ("latitude_deg", latitude, -90.0, 90.0),
         ("longitude_deg", longitude, -180.0, 360.0),
-        ("altitude_m", altitude, LOWEST_M, np.finfo(float).max),
+        # below the deepest ocean an altitude is a mistake, and the series does not hold
+        ("altitude_m", altitude, -20_000.0, np.finfo(float).max),
     )
     for name, values, low, high in checks:
         outside = ~((values >= low) & (values <= high))

@@ -15,9 +15,6 @@ from agonic.field.published import igrf, wmm, wmmhr
 from agonic.reference import Reference
 from agonic.samples import Samples
 
-CONSTANT_WITHIN = 0.003
-"""A track whose field varies by less than this share of it is given one vector."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expected:
@@ -99,14 +96,10 @@ def field_along(
     size = np.linalg.norm(values, axis=1)
     dip = np.degrees(np.arcsin(values[:, 2] / size))
     source = f"{model.name} at the log's own place, {middle.date().isoformat()}"
-    if np.ptp(values, axis=0).max() < CONSTANT_WITHIN * size.mean():
+    if np.ptp(values, axis=0).max() < 0.003 * size.mean():
         values = values.mean(axis=0)
     reference = Reference.vector(values, frame="n", sd=vectors.sd, source=source)
     return Expected(reference=reference, inclination_deg=float(np.median(dip)))
-
-
-FAR_KM = 100.0
-"""From the log's positions to the place that is given: over it the field turns by 1° of dip."""
 
 
 def _refuse_elsewhere(samples: Samples, latitude_deg: float, longitude_deg: float) -> None:
@@ -117,7 +110,7 @@ def _refuse_elsewhere(samples: Samples, latitude_deg: float, longitude_deg: floa
     fixed, (own, other) = (north != 0) | (east != 0), np.radians([latitude_deg, longitude_deg])
     cosine = np.sin(north) * np.sin(own) + np.cos(north) * np.cos(own) * np.cos(east - other)
     off_km = 6371.0 * float(np.arccos(np.clip(cosine[fixed].max(initial=-1.0), -1.0, 1.0)))
-    if fixed.any() and off_km > FAR_KM:
+    if fixed.any() and off_km > 100.0:  # over it the field turns by 1° of dip
         raise AgonicError(
             f"the log's own positions are {off_km:.0f} km from --at {latitude_deg:g},"
             f"{longitude_deg:g}; leave out --at, and the field along them is taken"

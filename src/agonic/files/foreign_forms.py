@@ -24,12 +24,6 @@ from agonic.logs.formats import name_content
 from agonic.maths.equation.symmetric import unpack_symmetric
 
 MOTIONCAL = b"\x75\x54"
-LARGEST_FILE = 1_000_000
-"""Bytes: what holds twelve numbers is small."""
-LARGEST_CONDITION = 20.0
-"""Of a matrix: no soft iron stretches one axis so much more than another."""
-MOST_PAIRS = 60
-"""Of a vector and a matrix: more are a table of readings."""
 _TOKEN = re.compile(
     r"(?P<number>(?<![\w.^-])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[fF]?(?!\w)"
     r"|(?P<word>[^\W\d]\w*(?:\[[\d,]*\])*)"
@@ -71,7 +65,7 @@ def read_foreign(path: Path) -> list[Foreign]:
     """Every calibration that a file of another program holds."""
     data = read_bytes(path)
     for read in (_read_packet, _read_matlab, _read_json, _read_parameters, _read_text):
-        if len(data) < LARGEST_FILE and (found := read(data)):
+        if len(data) < 1_000_000 and (found := read(data)):
             return found
     raise LogError(
         f"this is {name_content(data)}, and a calibration file is needed: the JSON that agonic "
@@ -135,14 +129,14 @@ def _pair(arrays: list[tuple[str, Array]]) -> list[Foreign]:
     matrices = [(name, value) for name, value in arrays if value.ndim == 2]
     if not matrices and len(vectors) > 1:
         matrices = [(name, np.diag(value)) for name, value in vectors]
-    if len(vectors) * len(matrices) > MOST_PAIRS:
+    if len(vectors) * len(matrices) > 60:  # a table of readings
         return []
     return [
         Foreign(f"{b or 'vector'} and {a or 'matrix'}", vector, matrix)
         for b, vector in vectors
         for a, matrix in matrices
         if not np.array_equal(np.diag(matrix), vector)
-        and np.linalg.cond(matrix) < LARGEST_CONDITION
+        and np.linalg.cond(matrix) < 20.0  # no soft iron stretches an axis more
     ]
 
 

@@ -105,12 +105,6 @@ def _compute_pull(fits: Fits) -> Array:
 Refine = Literal["auto", "all", "none"]
 Progress = Callable[[str, int, int], None]
 
-_TOGETHER = 16
-"""Sensors of a task for an engine."""
-_MOST_ROWS = 100_000  # after which a task is closed
-_FEW = 64
-"""Sensors that are calibrated before other processes would have begun."""
-
 
 def calibrate_dataset(
     dataset: Dataset | Path | str,
@@ -231,7 +225,7 @@ class _ChannelWork:
 
     def _refine(self, names: NDArray[Any], ids: Index) -> Iterator[Row]:
         """The rows of these sensors, calibrated as logs are."""
-        engine = self.engine or (Here() if len(ids) <= _FEW else Processes())
+        engine = self.engine or (Here() if len(ids) <= 64 else Processes())
         function = partial(
             calibrate_by_rows,
             dataset=self.dataset,
@@ -255,7 +249,7 @@ class _ChannelWork:
         for place, table in read_tables(self.db, self.dataset, ids):
             task.append((str(names[place]), table))
             rows += len(next(iter(table.values())))
-            if len(task) == _TOGETHER or rows > _MOST_ROWS:
+            if len(task) == 16 or rows > 100_000:
                 yield tuple(task)
                 task, rows = [], 0
         if task:

@@ -72,10 +72,6 @@ class Here:
             yield task, function(task)
 
 
-TRIES = 2
-"""How often a task may end its process."""
-
-
 @dataclass(frozen=True, slots=True)
 class Processes:
     """Child processes of this machine: `workers` of them, or one for each processor.
@@ -119,7 +115,7 @@ class Processes:
 
 def ask(child: Child, function: Callable[[T], R], task: T, longest_s: float) -> R | Lost:
     """What a child process makes of a task, or why there is no result."""
-    for _ in range(TRIES):
+    for _ in range(2):  # tries
         try:
             result: R = child.ask(function, task, longest_s)
         except TimeoutError:
@@ -141,16 +137,8 @@ def count_processors() -> int:
     return os.cpu_count() or 1
 
 
-BATCH = 16
-"""Tasks that go to a worker together: each message costs the scheduler about a millisecond."""
-WAITING = 3
-"""Batches for each thread of the cluster that are under way at a time."""
 SECONDS = 30
 """How long a scheduler and its workers may take to answer at first."""
-CONNECTED_S = 5
-"""How long the line to a scheduler may take; without one, Dask's client would try on and on."""
-PATIENCE_S = 20
-"""How long the way of finished answers may take."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +162,7 @@ class Dask:
 
     scheduler: str | None = None
     workers: int | None = None
-    batch: int = BATCH
+    batch: int = 16  # each message costs the scheduler about a millisecond
     security: Mapping[str, Any] | None = None
     longest_s: float = LONGEST_S
 
@@ -186,7 +174,7 @@ class Dask:
                 client,
                 partial(_answer_batch, function, self.longest_s),
                 _make_batches(iter(tasks), self.batch),
-                WAITING * _count_threads(client),
+                3 * _count_threads(client),
             ):
                 yield from zip(batch, answers or repeat(Lost()), strict=bool(answers))
 
@@ -220,7 +208,7 @@ def _reach(scheduler: str) -> None:
         parts = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
         if parts.scheme not in ("tcp", "tls", "ws", "wss") or not parts.hostname or not parts.port:
             raise ValueError("its address is like tcp://host:8786")
-        socket.create_connection((parts.hostname, parts.port), timeout=CONNECTED_S).close()
+        socket.create_connection((parts.hostname, parts.port), timeout=5).close()
     except (OSError, ValueError) as error:
         raise _explain_unreached(scheduler, error) from None
 
@@ -281,7 +269,7 @@ def _submit_batches(
             return
         future, batch = underway.pop(next(finished).key)
         try:
-            answers = future.result(timeout=PATIENCE_S)
+            answers = future.result(timeout=20)
         except distributed.KilledWorker:
             answers = None
         except TimeoutError:  # the worker ended with the answers, and nobody makes them anew

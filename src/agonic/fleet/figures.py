@@ -18,9 +18,6 @@ BINS = 40
 MOST_DOTS = 1500
 """Points that are drawn where the page's script does not run."""
 
-_MARGIN = 0.06
-_LEAST = 1e-3  # of a value that all share, shown to either side: labels stay short
-
 
 def make_axis(values: Array, label: str, beyond: float = 1.5) -> Axis:
     """An axis over the bulk of the values: a few that lie far out do not squeeze the others.
@@ -28,9 +25,9 @@ def make_axis(values: Array, label: str, beyond: float = 1.5) -> Axis:
     It goes no further than `beyond` times the width of the inner eight tenths past them.
     """
     low, first, last, high = np.percentile(values, (0, 10, 90, 100))
-    wide = max(last - first, _LEAST * max(abs(first), abs(last)), 1e-12)
+    wide = max(last - first, 1e-3 * max(abs(first), abs(last)), 1e-12)
     low, high = max(low, first - beyond * wide), min(high, last + beyond * wide)
-    margin = _MARGIN * max(high - low, wide)
+    margin = 0.06 * max(high - low, wide)
     return Axis(label, float(low - margin), float(high + margin))
 
 

@@ -108,7 +108,6 @@ def _describe_slopes(relation: Relation, unit: str, per: tuple[str, float]) -> M
     return element("p", f"{said}: {', '.join(parts)} {unit} per {name} ({who}).")
 
 
-_LEAST_RANGE_C, _LEAST_DAYS = 3.0, 2.0
 _USUAL = (
     "The line is the centre of the sensors and the band their spread, both estimated so that "
     "outliers do not count, each sensor once, the errors of the fits taken out. Choose bars to see "
@@ -124,9 +123,7 @@ def describe_group(group: Peers, number: int, rows: Index, noted: Mask) -> Secti
     days = count_days(population["start"])
     begun = float(np.nanmin(days[rows])) if has_values(days[rows]) else 0.0
     since = f"days since {np.datetime64(int(begun), 'D')}"
-    warm = _draw_relation(
-        drawn, population["temperature_C"], _LEAST_RANGE_C, "temperature, °C", ("°C", 1.0)
-    )
+    warm = _draw_relation(drawn, population["temperature_C"], 3.0, "temperature, °C", ("°C", 1.0))
     parts = {
         "Distributions": [
             element("p", _USUAL if group.enough else "", class_="aside"),
@@ -134,9 +131,7 @@ def describe_group(group: Peers, number: int, rows: Index, noted: Mask) -> Secti
         ],
         "Bias": [*_draw_bias(drawn)],
         "Bias and temperature": [*warm],
-        "Bias over time": [
-            *_draw_relation(drawn, days - begun, _LEAST_DAYS, since, ("year", 365.25))
-        ],
+        "Bias over time": [*_draw_relation(drawn, days - begun, 2.0, since, ("year", 365.25))],
     }
     shown = [one for title, of in parts.items() if of for one in (element("h3", title), *of)]
     return Section(f"{count(len(group), 'sensor')}: {group.name}", shown)

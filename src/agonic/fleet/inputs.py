@@ -29,7 +29,6 @@ JOURNAL, TABLE, PAGE, SINGLE = "journal.sqlite", "fleet.parquet", "report.html",
 """The files of a fleet, and the folder of what is written of single logs."""
 RESULTS = (JOURNAL, f"{JOURNAL}-journal", TABLE, PAGE, SINGLE)
 """No logs, where a journal or both table and page are among them."""
-_LONGEST_HEADER = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,7 @@ def _is_own_table(file: Path) -> bool:
     if file.stem.lower().endswith("truth"):
         return True
     with suppress(OSError), file.open(encoding="utf-8", errors="replace") as stream:
-        return bool(name_own_table(stream.readline(_LONGEST_HEADER).strip().split(",")))
+        return bool(name_own_table(stream.readline(4096).strip().split(",")))
     return False
 
 

@@ -110,9 +110,6 @@ def _make_finite(value: float | None) -> float | None:
 
 Columns = dict[str, NDArray[Any]]
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_HEADING_LEAST_DEG = 2.0  # a finding begins there
-
 
 def make_columns(
     fits: Fits, grouped: Grouped, *, unit: str, scaled: bool, inclination_deg: float, **known: Any
@@ -122,12 +119,12 @@ def make_columns(
     `unit` is that of the readings, `scaled` whether the magnitude was known; `known` are columns
     that are the same for all. Of the matrix, the lower half is the upper.
     """
-    n = len(fits)
+    n, begin = len(fits), datetime(1970, 1, 1, tzinfo=UTC)
     found = [_find(fits, grouped, k, unit) for k in range(n)]
     of_sensor: dict[str, Any] = {
         "sensor": grouped.sensors,
         "rows": grouped.count,
-        "start": [_add_seconds(_EPOCH, seconds) for seconds in grouped.start.tolist()],
+        "start": [_add_seconds(begin, seconds) for seconds in grouped.start.tolist()],
         "duration_s": grouped.duration_s,
         "temperature_C": grouped.temperature_C,
         "findings": [tuple(finding.name for finding in each) for each in found],
@@ -160,7 +157,7 @@ def _find(fits: Fits, grouped: Grouped, k: int, unit: str) -> list[Finding]:
     if fits.refusal[k]:
         return [Finding("coverage", "refuse", str(fits.refusal[k]))]
     found: list[Finding | None] = []
-    if not fits.heading_sd_deg[k] < _HEADING_LEAST_DEG:
+    if not fits.heading_sd_deg[k] < 2.0:  # a finding begins there
         unseen = Coverage(
             cells=np.zeros(80, np.int64),
             filled=0.0,

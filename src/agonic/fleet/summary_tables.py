@@ -146,13 +146,8 @@ def count_days(starts: NDArray[np.object_]) -> Array:
     )
 
 
-MOST_NAMED = 200
-"""Sensors that stand out are listed up to here; the table has all."""
-
-MOST_REASONS = 30
 _FIRST = re.compile(r"(?<=\.)\s+(?=[A-Z])")  # where a second sentence begins
 _BEGIN = re.compile(r"[;:('\"\d]")  # before what differs from log to log
-MOST_DUPLICATES = 100
 
 
 def count_verdicts(population: Population) -> dict[str, int]:
@@ -223,7 +218,7 @@ def list_outliers(
             element("span", population["source"][row], class_="source"),
             write_minus(said[row]),
         )
-        for row in rows[:MOST_NAMED]
+        for row in rows[:200]
     ]
     more = len(rows) - len(body)
     if more > 0:
@@ -261,7 +256,7 @@ def list_reasons(population: Population) -> Markup:
         if len(entry.examples) < 3:
             entry.examples.append(row)
     order = sorted(found, key=lambda r: (-found[r].number["refused"], -found[r].number["check"], r))
-    body = [_make_reason_row(population, name, found[name]) for name in order[:MOST_REASONS]]
+    body = [_make_reason_row(population, name, found[name]) for name in order[:30]]
     head = ("Reason", "Refused", "To check", "For example")
     shown = table(head, body, class_="reasons")
     left = len(order) - len(body)
@@ -295,7 +290,7 @@ def describe_verdicts(number: Mapping[str, int]) -> Markup:
 
 def list_duplicates(same: Sequence[Duplicate]) -> Markup:
     """The logs that are there more than once."""
-    shown = [element("li", f"{one.sentence}.") for one in same[:MOST_DUPLICATES]]
+    shown = [element("li", f"{one.sentence}.") for one in same[:100]]
     left = len(same) - len(shown)
     more = element("p", f"{count(left, 'more log')} of this kind.") if left > 0 else ""
     said = element("p", "Each counts once for what is usual.", class_="aside")

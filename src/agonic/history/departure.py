@@ -167,7 +167,6 @@ _COLUMNS = (
     "bias_y_sd",
     "bias_z_sd",
 )
-_SCREEN = 0.05
 _AT_ONCE = 100
 
 
@@ -225,7 +224,7 @@ def _test_drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
         value = columns[f"bias_{axis}"][rows]
         value = value - value.mean(axis=1, keepdims=True)
         moves = spread & (np.ptp(value, axis=1) > 0)
-        moves[moves] = _test_plain_lines(scaled[moves], value[moves]) < _SCREEN
+        moves[moves] = _test_plain_lines(scaled[moves], value[moves]) < 0.05
         if not moves.any():
             continue
         sd = np.nan_to_num(columns[f"bias_{axis}_sd"][rows[moves]])

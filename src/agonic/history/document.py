@@ -140,8 +140,6 @@ def _record_trend(one: Trend, at: datetime) -> dict[str, Any]:
 
 LINES = 60
 """Sensors that are listed for people; programs are told all."""
-SHOWN = 12
-"""Calibrations of a sensor in the text, the last ones."""
 MOST = 200
 """Calibrations in the table of the page, the last ones."""
 _TITLES = {"bias": "Bias", "gain": "Gain along the axes", "cross": "Between the axes"}
@@ -249,7 +247,7 @@ def _format_span(days: float) -> str:
 
 def _list_calibrations(drift: Drift) -> dict[str, str]:
     """The last calibrations, each by its number and date."""
-    rows = list(enumerate(drift.population, start=1))[-SHOWN:]
+    rows = list(enumerate(drift.population, start=1))[-12:]
     return {
         f"{number}  {_format_date(row)}": f"{row.verdict}, {_format_bias(row)}{row.source}"
         for number, row in rows

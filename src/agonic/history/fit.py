@@ -84,7 +84,6 @@ CHANCE = 0.004
 """How often chance makes a step, or a calibration off its band, in a history of all parameters."""
 DRIFTING = 0.01
 """How often chance makes any parameter of a sensor seem to drift."""
-_SETTLED = 4  # calibrations after a step from which on it is history
 
 
 def drift(population: Population, at: datetime | None = None) -> Drift:
@@ -254,7 +253,7 @@ def _describe_event(event: Event, n: int) -> Finding:
             f"that of {event.before:%Y-%m-%d} differs from those before and after it: {moved}; it "
             "is left out of the drift",
         )
-    fresh = n - event.place < _SETTLED
+    fresh = n - event.place < 4  # calibrations since
     return Finding(
         "step",
         "check" if fresh else "note",

@@ -17,7 +17,6 @@ from agonic.population import Population
 from agonic.readable import Shown
 
 YEAR_S = 365.25 * 86_400.0
-_UNKNOWN = 1e4  # error of what is not told, over all that the others differ by
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def make_series(time: Array, value: Array, sd: Array) -> Series:
     """
     span, known = (time - time[0]) / (time[-1] - time[0]), np.isfinite(value)
     about_mean = np.where(known, value - np.nanmean(value), 0.0)
-    unknown = (_UNKNOWN * (np.ptp(value[known]) + sd[known].max())) ** 2
+    unknown = (1e4 * (np.ptp(value[known]) + sd[known].max())) ** 2
     variance = np.where(known, sd**2, unknown)
     return Series(span, about_mean, variance, np.stack([np.ones_like(span), span]))
 

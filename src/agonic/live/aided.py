@@ -24,9 +24,6 @@ from agonic.samples import Samples
 FEWEST = 100
 """Rows of a track without which no fit is made."""
 
-SURE_S = 30.0
-"""Of a way, before it is said what is wrong with it."""
-
 
 class Aided(NamedTuple):
     """What the choice among the fits came to.
@@ -99,7 +96,7 @@ def plan_drive(params: LiveParams, track: Track | None, aided: Aided) -> Plan | 
 
 def _list_refusals(fit: Fit, track: Track) -> tuple[Finding, ...]:
     """What is wrong, whatever is driven further: axes, units and signs of the sensors."""
-    if track.duration_s < SURE_S:
+    if track.duration_s < 30.0:
         return ()
     refused = (finding for finding in fit.findings if finding.severity == "refuse")
     return tuple(finding for finding in refused if finding.name not in TURNING)

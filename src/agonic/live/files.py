@@ -21,9 +21,6 @@ from agonic.logs.contents import read_bytes
 
 SCHEMA = "agonic/live-state@1"
 
-_SHAPES = {"kept": 4, "recent": 4, "waiting": 4}
-"""Columns of the tables of a state."""
-
 
 class ArrayRecord(Struct, frozen=True):
     """An array: its shape, and its numbers as little-endian bytes, `f8` or `i8`."""
@@ -77,7 +74,7 @@ def _compute_check(record: StateFile) -> int:
 
 def _check(params: LiveParams, state: LiveState) -> None:
     """`LogError` where a state has tables of other shapes, or readings that no sensor gives."""
-    for name, columns in _SHAPES.items():
+    for name, columns in {"kept": 4, "recent": 4, "waiting": 4}.items():
         table = getattr(state, name)
         if table.ndim != 2 or table.shape[1] != columns:
             raise LogError(f"its {name} is no table of {columns} columns")

@@ -19,14 +19,10 @@ from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import coverage as cells
 
 NEAR_METAL = 0.05  # of the field's magnitude
-READINGS_PER_RAD = 50.0  # of a hand that turns
-SHORT = 0.3  # rad, below which a turn is hardly any work
 SCATTER = 0.02  # of the field's magnitude, of single readings
 MUCH = 0.3  # of the readings
-STUCK = 50  # repeats in a row
 OFF_MODEL = 0.15  # of the world model's magnitude
 SURE = 4.0  # standard errors of the mean gain
-LEVEL_S = 20.0  # of a way, until it is said that a level vehicle needs the place
 BEGIN = "turn slowly through a full circle, and tilt it where it can be tilted"
 
 
@@ -86,7 +82,7 @@ def make_guidance(
     ]
     if stays_level:
         assert state.track is not None
-        if params.field_n is None and state.track.duration_s > LEVEL_S:
+        if params.field_n is None and state.track.duration_s > 20.0:
             findings.append(_PLACE_MISSING)
         if aided is not None and aided.chosen:
             findings += aided.objections
@@ -139,13 +135,13 @@ def _choose_direction(params: LiveParams, found: Found, present: Array) -> Array
         found.covariance,
         found.noise,
         params.inclination_deg,
-        READINGS_PER_RAD * length / along.shape[1],
+        50.0 * length / along.shape[1],  # a hand that turns takes 50 readings a radian
     )
-    return np.asarray(centres[np.argmax(gains / (SHORT + length))])
+    return np.asarray(centres[np.argmax(gains / (0.3 + length))])  # 0.3 rad are hardly any work
 
 
 def _find_stuck(state: LiveState) -> Iterator[Finding]:
-    still = state.repeats >= STUCK
+    still = state.repeats >= 50
     if not still.any():
         return
     if still.all():

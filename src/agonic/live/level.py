@@ -20,20 +20,13 @@ SEEN = 3
 """Rows in a sector that is seen."""
 LEVEL_DEG = 30.0
 """A vehicle that stays within this of its usual attitude, but for `SELDOM` of its way, is level."""
-SELDOM = 0.05
-SETTLED_S = 8.0
-"""Before, nobody knows whether a sensor will be turned over."""
 SMOOTH_S = 2.0
 """Over which the acceleration is averaged to tell down."""
 TURN_DEG_S = 20.0
-STAND_S = 6.0
 COMES_DEG = 90.0
 """By which a vehicle turns on its way to a ramp."""
-SLOPES_DEG = (5.0, 10.0, 20.0)
 WORTH = 0.95
 """Of the heading's standard error: what lowers it by less is not worth the way."""
-WIDEST_GAP = 2
-"""Sectors in a row that may be missing before anything else is asked for."""
 
 
 class Level(NamedTuple):
@@ -89,13 +82,13 @@ def find_down(track: Track | None) -> tuple[Array, Array] | None:
     mean = down.mean(axis=0)
     mean /= np.linalg.norm(mean)
     tilted = down @ mean < np.cos(np.radians(LEVEL_DEG))
-    return None if tilted.mean() > SELDOM else (mean, down)
+    return None if tilted.mean() > 0.05 else (mean, down)
 
 
 def see_level(track: Track | None, calibration: Affine) -> Level | None:
     """The headings and tilts on a track; `None` where the sensor was turned over, or may be yet."""
     found = find_down(track)
-    if found is None or track is None or track.duration_s < SETTLED_S:
+    if found is None or track is None or track.duration_s < 8.0:
         return None
     rows = track.sums[:, 1:] / track.sums[:, :1]
     (mean, down), to_body = found, make_level_axes(found[0]).T
@@ -150,7 +143,7 @@ def choose_step(level: Level, now_deg: float, predict: Callable[[Drive], float])
 def list_steps(level: Level) -> list[Step]:
     """What could be driven: the missing headings alone, or a circle, a slope, a ramp."""
     first, missing = find_gap(level.seen)
-    if missing > WIDEST_GAP or (missing and missing == int((~level.seen).sum())):
+    if missing > 2 or (missing and missing == int((~level.seen).sum())):
         return [_turn_through(first, missing)]
     return list(_list_others(level))
 
@@ -171,7 +164,7 @@ def _list_others(level: Level) -> Iterator[Step]:
     heading = level.heading_deg + _ramp(360.0)
     flat = np.zeros_like(heading)
     yield Step("turn a full circle more", Drive(heading, flat, flat), 2 * np.pi, everywhere)
-    slope = next((s for s in SLOPES_DEG if s > 1.2 * level.tilt_deg), None)
+    slope = next((s for s in (5.0, 10.0, 20.0) if s > 1.2 * level.tilt_deg), None)
     if slope is None:
         return
     along = np.radians(heading)
@@ -179,7 +172,7 @@ def _list_others(level: Level) -> Iterator[Step]:
     say = f"turn a full circle on ground that slopes by {slope:.0f}°"
     yield Step(say, Drive(heading, pitch, roll), 2 * np.pi + 2, everywhere, slope)
     way = level.heading_deg + _ramp(COMES_DEG) - COMES_DEG  # the gyro sees it turn, then lean
-    stand = np.ones(round(STAND_S * RATE_HZ))
+    stand = np.ones(round(6.0 * RATE_HZ))
     heading = np.concatenate([way, level.heading_deg * stand, level.heading_deg * stand])
     pitch = np.concatenate([0.0 * way, slope * stand, 0.0 * stand])
     roll = np.concatenate([0.0 * way, 0.0 * stand, slope * stand])

@@ -21,8 +21,6 @@ from agonic.units import RAW
 WAIT_S = 1.5
 """How long readings wait, and for how long after a disturbance none are let in."""
 
-MOST_WAITING = 2000
-"""Readings that wait at most, however fast they come."""
 
 SLIGHT = 0.015
 """Of the field's magnitude: a block that is off by less is let in."""
@@ -73,9 +71,7 @@ def judge_blocks(
     begins, ends = blocks[:, 0, 0].tolist(), blocks[:, -1, 0].tolist()
     queue, let_in, held = deque(range(old)), list[int](), 0
     for k in range(old, len(blocks)):
-        while queue and (
-            abs(begins[k] - begins[queue[0]]) > WAIT_S or len(queue) * size >= MOST_WAITING
-        ):
+        while queue and (abs(begins[k] - begins[queue[0]]) > WAIT_S or len(queue) * size >= 2000):
             let_in.append(queue.popleft())
         if off[k - old]:
             held += 1 + len(queue)
@@ -92,8 +88,6 @@ def judge_blocks(
 LARGEST_nT = 1e8
 """0.1 T: beyond the range of every magnetometer, Hall sensors included."""
 
-LARGEST_COUNT = 2.0**31
-"""Of a converter of 32 bits."""
 
 FAR = 3.0
 """Times the usual distance from the midst of all boxes; a whole sphere is at one, an arc below
@@ -106,7 +100,7 @@ FEW = 0.02
 def find_plausible(field: Array, unit: str) -> Mask:
     """Which readings (n, 3), in nT or raw counts, a sensor can have given: finite, within what any
     measures, and not exactly zero on all axes, which is a sensor that has not begun."""
-    largest = LARGEST_COUNT if unit == RAW else LARGEST_nT
+    largest = 2.0**31 if unit == RAW else LARGEST_nT
     with np.errstate(invalid="ignore"):
         return np.asarray((np.abs(field) < largest).all(axis=1) & (field != 0).any(axis=1))
 

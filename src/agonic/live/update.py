@@ -14,12 +14,6 @@ from agonic.live.state import OF_FIT, Found, LiveParams, LiveState
 from agonic.live.track import extend_track
 from agonic.maths.equation import moment_fit, moments
 
-RECENT = 25
-"""Readings that count as the present."""
-
-FEWEST_BOXES = 5
-"""Boxes below which no sphere is laid through them."""
-
 FEWEST_TO_JUDGE = 100
 """Readings that a fit must have before others are held against it."""
 
@@ -29,9 +23,6 @@ long bent valley, far off and sure of itself."""
 
 GROWTH = 1.1
 """The fit that readings are held against is made anew when there are so many times as many."""
-
-FINEST = 2.0**-12
-"""Edge of the first boxes, over the largest reading: small enough to begin with."""
 
 
 def update_state(
@@ -105,7 +96,7 @@ def _take(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
         state,
         n=state.n + len(rows),
         repeats=_count_repeats(state, rows[:, 1:]),
-        recent=np.concatenate([state.recent, rows])[-RECENT:],
+        recent=np.concatenate([state.recent, rows])[-25:],
         voxels=boxes,
         kept=np.concatenate([state.kept, made.let_in[memorable]]),
         waiting=np.concatenate([made.waiting, partly]),
@@ -122,14 +113,14 @@ def _put_in_boxes(boxes: Voxels | None, rows: Array, every: int) -> tuple[Voxels
     field = rows[:, 1:]
     if boxes is None:
         first = np.median(field[:every], axis=0)  # of several: the very first may be garbled
-        boxes = voxels.begin(first, float(np.abs(first).max() or 1.0) * FINEST)
+        boxes = voxels.begin(first, float(np.abs(first).max() or 1.0) * 2.0**-12)
     boxes, place = voxels.add_readings(boxes, field)
     return boxes, (place <= moment_fit.PLENTY) | (np.log2(place) % 1 == 0)
 
 
 def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) -> Found | None:
     """The fit to boxes, from the judge on."""
-    if boxes is None or len(boxes.keys) < FEWEST_BOXES:
+    if boxes is None or len(boxes.keys) < 5:
         return None
     stray = find_stray(boxes.middles, boxes.counts)
     left_out = int(boxes.counts[stray].sum())

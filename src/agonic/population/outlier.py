@@ -78,10 +78,6 @@ RATE = 0.03
 """Of all sensors named, the share that chance may have named at most, where they are many."""
 
 GEOMETRY = ("bias", "gain", "cross")
-_REGULAR = 1e-3  # a sensor belongs to its population if chance makes its distance more often
-_ODD = 0.05  # nearer ones are not tried with swapped axes
-_PATTERN = 5.0  # spreads by which a swap must change what the population has in common
-_AMBIGUOUS = np.log(20.0)
 _PAIRS = ("x and y", "x and z", "y and z")
 
 
@@ -225,7 +221,7 @@ def _find_swapped_axes(group: Peers, tested: Sequence[Tested], rate: float) -> I
     if not np.isfinite(centre[:6]).all() or not (spread[:6] > 0).all():
         return
     tails = {test.name: test.tail for test in tested}
-    odd = [test.members[test.p_values < _ODD] for test in tested if test.name in GEOMETRY]
+    odd = [test.members[test.p_values < 0.05] for test in tested if test.name in GEOMETRY]
     members = np.unique(np.concatenate([*odd, np.zeros(0, dtype=np.intp)]))
     likelihoods = compute_likelihoods(values[members], sd[members], centre, spread)
     evidence = likelihoods.evidence()
@@ -237,7 +233,7 @@ def _find_swapped_axes(group: Peers, tested: Sequence[Tested], rate: float) -> I
         if _changes_pattern(turn, centre, spread) and _is_regular(
             own, error, group.quantities, tails
         ):
-            ways = int(np.count_nonzero(log > log[best] - _AMBIGUOUS))
+            ways = int(np.count_nonzero(log > log[best] - np.log(20.0)))
             said, times = _describe_swap(turn, ways), float(np.log(evidence[k]))
             yield _make_outlier(group, member, "axes", said, times, float(1.0 / evidence[k]))
 
@@ -246,7 +242,7 @@ def _changes_pattern(turn: Array, centre: Array, spread: Array) -> bool:
     """Whether the swap changes what the population has in common by more than it spreads."""
     scale = np.hypot(spread, np.abs(swap_axes(spread, turn)))
     z = (swap_axes(centre, turn) - centre) / scale
-    return bool(np.linalg.norm(z[np.isfinite(z)]) > _PATTERN)
+    return bool(np.linalg.norm(z[np.isfinite(z)]) > 5.0)
 
 
 def _is_regular(
@@ -257,7 +253,7 @@ def _is_regular(
         part, usual = slice(3 * k, 3 * k + 3), quantities[name]
         one = replace(usual, values=own[None, part], sd=error[None, part])
         far = one.distance
-        if name in tails and np.isfinite(far[0]) and tails[name].beyond(far)[0] < _REGULAR:
+        if name in tails and np.isfinite(far[0]) and tails[name].beyond(far)[0] < 1e-3:
             return False
     return True
 

@@ -22,7 +22,6 @@ from agonic.readable import Readable, Shown
 
 WAIT_S = 60.0
 """How long to wait while another process writes."""
-_AT_ONCE = 10_000
 _CACHE_KB = 64_000
 _CURRENT = "FROM calibration WHERE superseded = 0"
 _RANKED = f"""
@@ -130,7 +129,7 @@ class History(Readable):
         added = 0
         with self._writing() as database:
             last = database.execute("SELECT COALESCE(MAX(id), 0) FROM calibration").fetchone()[0]
-            while chunk := list(islice(entries, _AT_ONCE)):
+            while chunk := list(islice(entries, 10_000)):
                 for entry in chunk:
                     if schema.UNDATED.name in entry[3 + schema.FINDINGS]:
                         self._as_dated_before(entry)

@@ -12,8 +12,6 @@ from agonic.arrays import Array, Index
 BINS = 400
 """Columns of a strip; the least and the largest value of each are drawn, so no peak is lost."""
 
-_GAP = 3  # columns without a reading that break a line
-
 
 @dataclass(frozen=True)
 class Axis:
@@ -113,7 +111,7 @@ class Columns:
     def stretches(self) -> Iterator[slice]:
         """Runs of columns without a gap between them."""
         steps = np.diff(self.places)
-        wide = _GAP * max(float(np.median(steps)), 1.0) if len(steps) else 1.0
+        wide = 3 * max(float(np.median(steps)), 1.0) if len(steps) else 1.0
         ends = [*(np.flatnonzero(steps > wide) + 1).tolist(), len(self.places)]
         begin = 0
         for end in ends:

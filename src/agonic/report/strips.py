@@ -15,8 +15,6 @@ from agonic.report.axes import BINS, Axis, Columns, down, right
 from agonic.report.digits import count, group_digits, quantity
 from agonic.report.markup import Markup, element
 
-MOST_ARROWS = 24
-
 
 def points(across: Array, below: Array) -> str:
     """Points as a path has them."""
@@ -125,7 +123,7 @@ def _arrows(columns: Columns, beyond: Mask, sign: str, at: str) -> list[Markup]:
     where = columns.right[beyond]
     if not len(where):
         return []
-    apart = max(1000.0 / MOST_ARROWS, 2000.0 / columns.most)
+    apart = max(1000.0 / 24, 2000.0 / columns.most)
     ends = np.flatnonzero(np.diff(where) > apart)
     first, last = where[np.r_[0, ends + 1]], where[np.r_[ends, len(where) - 1]]
     return [

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from agonic.report.digits import typeset
 
 WIDTH = 100
-_LEAST_NAME = 12
 SIGNS = {"good": "✓", "check": "!", "refused": "✗"}
 """The sign of each verdict at the head of a line."""
 
@@ -72,7 +71,7 @@ def format_columns(
         max(*map(len, name.split()), *map(len, cells)) for name, *cells in zip(*table, strict=True)
     ]
     room = width - sum(wide[1:]) - 2 * len(wide)
-    if room >= min(wide[0], _LEAST_NAME):
+    if room >= min(wide[0], 12):
         return _lay_out(table, [min(wide[0], room), *wide[1:]])
     names, *values = table
     lines = []

@@ -27,7 +27,6 @@ Vehicle = Literal["plane", "copter"]
 EARTH_RADIUS_M = 6_371_008.8  # IUGG mean radius; a sphere is enough for the columns of a flight
 
 _SPEED_AND_LEAN = {"plane": (18.0, 3.0), "copter": (8.0, -12.0)}  # m/s, degrees nose up
-_TURN_DEG_S = 15.0
 
 
 class Flown(NamedTuple):
@@ -88,7 +87,7 @@ def fly(
     if vehicle not in _SPEED_AND_LEAN:
         raise AgonicError(f"no vehicle {vehicle!r}; choose from {', '.join(_SPEED_AND_LEAN)}")
     speed, lean_deg = _SPEED_AND_LEAN[vehicle]
-    rate_deg_s = _TURN_DEG_S if bank_deg is None else _turn_rate(bank_deg, speed)
+    rate_deg_s = 15.0 if bank_deg is None else _turn_rate(bank_deg, speed)
     course_deg = draw_course(rng, duration_s, leg_s, rate_deg_s, turns_deg)
     climb_deg = draw_smooth(rng, duration_s, sd=3.0, pace_s=15.0)
     gusts = [draw_smooth(rng, duration_s, sd=sd, pace_s=0.7) for sd in (1.0, 1.5, 2.0)]

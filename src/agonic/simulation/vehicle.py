@@ -35,9 +35,6 @@ from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 
 Placing = Literal["apart", "opposite"]
 
-MANOEUVRE = 2.0
-"""How much larger the errors of roll and pitch are under 1 g of acceleration: √(1 + (2a/g)²)."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedVehicle(Readable):
@@ -282,7 +279,7 @@ def _recorded_angles(
     """Roll, pitch and heading with the errors of an attitude filter, larger in manoeuvres."""
     roll, pitch, heading = angles_deg(flown.attitude(time).as_matrix())
     acceleration = np.linalg.norm(rate_of_change(flown.velocity_n, time), axis=1)
-    larger = np.sqrt(1 + (MANOEUVRE * acceleration / STANDARD_GRAVITY_M_S2) ** 2)
+    larger = np.sqrt(1 + (2.0 * acceleration / STANDARD_GRAVITY_M_S2) ** 2)
     error = [draw_smooth(rng, time[-1], sd=1.0, pace_s=correlation_s)(time) for _ in range(3)]
     angles = {
         "roll_deg": roll + attitude_sd_deg * larger * error[0],

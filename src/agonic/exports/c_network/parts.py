@@ -86,7 +86,7 @@ def _one(steps: tuple[object, ...]) -> Affine | None:
 
 Float32 = NDArray[np.float32]
 
-NEAR, EDGE, FAR = 6, 2, 2
+EDGE, FAR = 2, 2
 """Known readings where it was trained, on the way out, and outside."""
 TRIED = 500
 """Readings like those of the training, on which the error of float32 is told."""
@@ -127,7 +127,7 @@ def _points(parts: Parts, rng: np.random.Generator) -> Array:
     """Inputs x (n, i): among the training, about half-way out of it, and far away."""
     network = parts.network
     centres = network.centres
-    near = centres[rng.permutation(len(centres))[:NEAR] % len(centres)]
+    near = centres[rng.permutation(len(centres))[:6] % len(centres)]
     # outwards by the reading, where it goes in: a temperature cannot go far
     names = signals(network.inputs)
     moved = np.array([name.startswith("field") or "field_x" not in names for name in names])

@@ -21,8 +21,6 @@ from agonic.readable import Readable
 STEPS_DEG = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25)
 LARGEST = 20_000
 """Nodes of a table, 80 kB: more than a controller spares."""
-LARGEST_LONGITUDE = 540.0
-"""Degrees either way, a turn beyond the date line: more are no degrees."""
 UNIT = 2.0
 """nT per unit of the table's 16-bit numbers, which hold ±65 534 nT: 0.003° at mid latitudes."""
 
@@ -83,7 +81,7 @@ class DeclinationGrid(Readable):
         rows, columns = (n - 1 for n in self.north.shape)
         row = (np.asarray(latitude_deg, dtype=np.float64) - self.south) / self.latitude_step
         longitude = np.asarray(longitude_deg, dtype=np.float64)
-        known = np.abs(longitude) <= LARGEST_LONGITUDE
+        known = np.abs(longitude) <= 540.0  # a turn beyond the date line: more are no degrees
         around = (np.where(known, longitude, self.west) - self.west) % 360.0
         column = np.where(known, around / self.longitude_step, 0.0)
         beyond = column - columns

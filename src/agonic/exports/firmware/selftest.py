@@ -27,9 +27,7 @@ from agonic.exports.firmware.sources import write_about
 from agonic.exports.temperature import changes_with_temperature, evaluate_affine
 from agonic.maths.rotations.attitude import rot_nb
 
-TOLERANCE_DEG = 0.01
 CLEAR = 1e-3  # of a disturbance: far beyond rounding
-SHARE = 1e-5  # of the magnitude: a hundred roundings of float32
 EDGES = (
     (0.0, 0.0, 0.0),
     (0.0, 0.0, 90.0),
@@ -150,8 +148,8 @@ def write_selftest(plan: Plan, name: str) -> str:
         {
             "name": name,
             "about": write_comment(write_about(plan)),
-            "tolerance": write_literal(TOLERANCE_DEG),
-            "share": write_literal(SHARE),
+            "tolerance": write_literal(0.01),  # degrees
+            "share": write_literal(1e-5),  # of the magnitude
             "tests": str(len(lines)),
             "table": "\n".join(lines),
         },

@@ -21,8 +21,6 @@ from agonic.maths.estimation.filters.states import FilterState, Model, forget_su
 TESTS = 24
 ELAPSED_S, TURNING_S = 0.5, 0.05
 """Between the readings of a self-test, by the magnitude and beside a gyro."""
-SHARE = 0.02
-"""Of a standard error: what the self-test allows the bias and the standard error itself."""
 _BY_MAGNITUDE = ("start", "algebra", "magnitude", "jump_test", "jump", "calls", "results", "save")
 _BESIDE_GYRO = (
     "turning/start",
@@ -161,7 +159,7 @@ def _make_test(state: TrackerState, model: Model) -> dict[str, str]:
         "bias_at": str(estimate.table.places["bias"].start),
         "known": c.write_array(known),
         "bias": c.write_array([after.bias, after.find_sd("bias")]),
-        "share": c.write_literal(SHARE),
+        "share": c.write_literal(0.02),  # of a standard error, of bias and standard error
         "least": c.write_literal(8 * float(np.finfo(np.float32).eps) * largest),
     }
 

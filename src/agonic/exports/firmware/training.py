@@ -18,15 +18,11 @@ from agonic.exports.firmware import c_text as c
 from agonic.exports.firmware.writer import Firmware, write_files
 
 MOST_WEIGHTS = 60
-PER_WEIGHT = 3.0
-"""So many numbers for each weight, beside a third of the readings that is held out."""
 BLOCKS = 50
 """In the window: neighbours err alike."""
 CELLS, VISITS = 24, 3
 """Directions of the reservoir, and trainings of which each keeps a reading."""
 LEAST_WINDOW, MOST_WINDOW = 100, 20_000
-SLICE = 8
-"""Rows that a call takes."""
 PARTS = ("network", "steps", "calls")
 
 
@@ -87,7 +83,7 @@ def _require_window(network: Network, window: int) -> int:
 
 def _fewest(network: Network, window: int) -> int:
     """Readings from which on it is trained: enough for the weights, and eight blocks held out."""
-    return max(ceil(1.5 * PER_WEIGHT * network.weights.size / 3), BLOCKS // 2 * (window // BLOCKS))
+    return max(ceil(1.5 * network.weights.size), BLOCKS // 2 * (window // BLOCKS))
 
 
 def _values(network: Network, name: str, window: int) -> dict[str, Any]:
@@ -114,7 +110,7 @@ def _values(network: Network, name: str, window: int) -> dict[str, Any]:
         "hidden": shape.nodes,
         "gram": columns * (columns + 1) // 2,
         "factor": shape.size * (shape.size + 1) // 2,
-        "slice": SLICE,
+        "slice": 8,  # rows that a call takes
         "furthest": params.furthest,
         "furthest_percent": f"{100 * params.furthest:g}",
         "misfit": params.misfit,

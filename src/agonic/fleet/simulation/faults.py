@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from agonic.arrays import Array, Index
 from agonic.simulation.draws import draw_directions
 
-NOISIER = 10.0
-WRONG_GAIN = (0.7, 1.3)
-
 
 def _make_generator(board: int) -> np.random.Generator:
     """What is drawn for the fault of a board."""
@@ -27,7 +24,7 @@ def draw_change(fault: str, board: int) -> Array:
     """The matrix from the readings of a board to those that its log names, (3, 3)."""
     rng, change = _make_generator(board), np.eye(3)
     if fault in ("gain", "axis gain"):
-        wrong = WRONG_GAIN[rng.integers(2)]
+        wrong = (0.7, 1.3)[rng.integers(2)]
         change[slice(None) if fault == "gain" else rng.integers(3)] *= wrong
         return change
     axis = int(rng.integers(3))
@@ -106,7 +103,7 @@ _READINGS: Mapping[str, Callable[[Array, Array, np.random.Generator], tuple[Arra
     "frozen axis": _freeze_axis,
     "dead axis": _kill_axis,
     "clipping": _clip,
-    "noise": lambda raw, noise, rng: (raw, NOISIER * noise),
+    "noise": lambda raw, noise, rng: (raw, 10.0 * noise),
     "spikes": _add_spikes,
     "moved magnet": _move_magnet,
 }

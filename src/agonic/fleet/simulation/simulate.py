@@ -20,10 +20,6 @@ from agonic.units import STANDARD_GRAVITY_M_S2
 
 CHUNK = 200
 """So many logs are drawn at once, from a seed of their own."""
-_FIRST = dt.datetime(2025, 3, 3, 8, tzinfo=dt.UTC)
-_LOG_S = 120.0  # from one board on the bench to the next
-_AGAIN_DAYS = 30.0  # from one log of a board to its next
-_FORCE_NOISE_M_S2 = 0.04
 _STEP_NT = 10.0
 
 
@@ -102,7 +98,7 @@ class SimulatedFleet:
         noise = boards.noise[of][:, None, None] * rng.standard_normal(raw.shape)
         force = -STANDARD_GRAVITY_M_S2 * down_b + boards.force_bias[of][:, None]
         force += make_pushes(rng, time, len(of))
-        force += _FORCE_NOISE_M_S2 * rng.standard_normal(force.shape)
+        force += 0.04 * rng.standard_normal(force.shape)
         for k, fault in enumerate(boards.fault[of]):
             if fault:
                 raw[k], noise[k] = spoil(fault, raw[k], noise[k], int(of[k]))
@@ -218,9 +214,9 @@ def _make_truth(
     n, count = len(boards.bias), len(board)
     wide = len(str(n - 1))
     names = np.array([f"board-{k:0{wide}d}" for k in range(n)], dtype=object)
-    number = np.arange(count)
+    number, first = np.arange(count), dt.datetime(2025, 3, 3, 8, tzinfo=dt.UTC)
     mean_C = 25.0 + 4.0 * rng.standard_normal(count)
-    start_s = _LOG_S * (number % n) + 86_400.0 * _AGAIN_DAYS * (number // n)
+    start_s = 120.0 * (number % n) + 30 * 86_400.0 * (number // n)  # a board anew each month
     damage = np.array([files.get(k, "") for k in range(count)], dtype=object)
     fault = np.where(damage != "", damage, boards.fault[board])
     round_ = number // n + 1
@@ -235,7 +231,7 @@ def _make_truth(
         "fault": fault,
         "group": np.array([_GROUPS[name] for name in fault], dtype=object),
         "original": np.full(count, "", dtype=object),
-        "start": np.array([_FIRST + dt.timedelta(seconds=s) for s in start_s], dtype=object),
+        "start": np.array([first + dt.timedelta(seconds=s) for s in start_s], dtype=object),
         "temperature_C": mean_C,
         "bias": bias,
         "matrix": matrix,
@@ -256,18 +252,13 @@ _GROUPS = {
 }
 
 
-_PACE_S = 1.5
-_PUSH_PACE_S = 0.7
-_PUSH_SD_M_S2 = 0.1  # of a hand that turns slowly
-
-
 def make_turnings(rng: np.random.Generator, time: Array, count: int) -> tuple[Array, Array]:
     """Level north and down in sensor axes (count, m, 3), for `count` smooth random turnings.
 
     As `motions.tumble`: uniform random quaternions every 1.5 s joined by a spline, here by one
     matrix for all.
     """
-    knots = make_knots(time[-1], _PACE_S)
+    knots = make_knots(time[-1], 1.5)
     quats = draw_directions(rng, count * len(knots), 4).reshape(count, len(knots), 4)
     turns = np.einsum("kij,kij->ki", quats[:, 1:], quats[:, :-1])
     quats[:, 1:] *= np.cumprod(np.where(turns < 0, -1.0, 1.0), axis=1)[..., None]
@@ -281,6 +272,6 @@ def make_turnings(rng: np.random.Generator, time: Array, count: int) -> tuple[Ar
 
 def make_pushes(rng: np.random.Generator, time: Array, count: int) -> Array:
     """Accelerations (count, m, 3) of hands, smooth over a second or so."""
-    knots = make_knots(time[-1], _PUSH_PACE_S)
+    knots = make_knots(time[-1], 0.7)
     path = CubicSpline(knots, np.eye(len(knots)))(time)
-    return np.asarray(path @ (_PUSH_SD_M_S2 * rng.standard_normal((count, len(knots), 3))))
+    return np.asarray(path @ (0.1 * rng.standard_normal((count, len(knots), 3))))

@@ -27,7 +27,6 @@ FEWEST = 8
 LAST = 5
 """From so many values on the last one is compared with those before it."""
 _WINDOW = 96  # values looked through at a time; windows overlap by half
-_MOST = 20  # change points
 _SHARES = (0.9, 0.05, 0.05)  # of the chance, for change points that none, one or two others hide
 _JUMP = 8.0  # median steps: a step or outlier that is hidden by another is larger
 
@@ -52,7 +51,7 @@ class ChangePoint(NamedTuple):
 def find_change_points(many: Sequence[Series], chance: float) -> list[ChangePoint]:
     """The change points in series of the same times, in the order in which they were found."""
     found: list[ChangePoint] = []
-    while len(found) < _MOST:
+    while len(found) < 20:
         new = _next(many, found, chance)
         if new is None:
             break

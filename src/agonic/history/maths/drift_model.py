@@ -25,8 +25,6 @@ from agonic.arrays import Array
 
 GRID = 11
 """Nodes along each of the two sizes."""
-DEEP = 15.0
-"""Nodes whose logarithm of the likelihood is this far below the best are not looked at again."""
 _ZOOMS = 2
 _TIMES = 16  # whose white rows are kept together, for few large products
 _LEAST, _MOST = np.log(0.1), np.log(1e3)  # of σ over the errors, and over the values' spread
@@ -129,7 +127,7 @@ def _sizes(of: Series, nodes: Array) -> tuple[Array, Array]:
 
 def _box(nodes: Array, log: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """The corners around the nodes that count, a step of the grid wider."""
-    counts = (log > -DEEP)[..., None]
+    counts = (log > -15.0)[..., None]  # of the logarithm of the likelihood, below the best
     step = (high - low) / (GRID - 1)
     least = np.where(counts, nodes, np.inf).min(axis=-2) - step
     most = np.where(counts, nodes, -np.inf).max(axis=-2) + step

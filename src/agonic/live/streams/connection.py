@@ -22,14 +22,10 @@ if TYPE_CHECKING:
 LONGEST = 4096
 """Bytes of a line; longer ones are passed over."""
 
-MOST_LINES_S = 5000
-"""Lines a second that are read."""
 
 SHOWN = 60
 """Characters of a line that is shown."""
 
-_STILL = (np.nan,) * 6
-"""Of a reading without accelerometer and gyro."""
 
 PATIENCE_S = 1.0
 """How often it is said what cannot be read."""
@@ -104,7 +100,7 @@ class Lines:
         unit = rows[0].unit or self._unit
         name = rows[0].sensor + self._suffix
         field = np.array([row.field for row in rows])
-        motion = np.array([row.motion or _STILL for row in rows])
+        motion = np.array([row.motion or (np.nan,) * 6 for row in rows])
         own = np.array([np.nan if row.time is None else row.time for row in rows])
         return Chunk(name, time, field, unit, motion=motion, own=own)
 
@@ -115,12 +111,6 @@ def _make_printable(line: bytes) -> str:
     shown = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)[:SHOWN]
     return f"“{shown}”"
 
-
-RETRY_S = 0.5
-"""Between two attempts to connect."""
-
-SILENCE_S = 3.0
-"""Without a byte for so long it is said."""
 
 MOST_SENDERS = 8
 
@@ -200,7 +190,7 @@ class Connection:
                     reason = os.strerror(error.errno or 0) if known else error.strerror or error
                     yield Notice(False, f"no connection to {self.name} ({reason}); trying again")
                 lost = True
-                stop.wait(RETRY_S)
+                stop.wait(0.5)
             finally:
                 self.link.close()
 
@@ -211,7 +201,7 @@ class Connection:
             received = self.link.read()
             now = time.monotonic()
             if received is None:
-                if now - self._heard > SILENCE_S and not silent:
+                if now - self._heard > 3.0 and not silent:
                     silent = True
                     yield Notice(True, f"{self.name} is silent{self.link.hint}")
                 received = Packet(b"")
@@ -222,5 +212,5 @@ class Connection:
                 yield event
             if now - second > 1.0:
                 rows, second = 0, now
-            elif rows > MOST_LINES_S:  # let the sender wait
+            elif rows > 5000:  # let the sender wait
                 stop.wait(max(0.0, second + 1.0 - now))

@@ -45,10 +45,6 @@ class Words(NamedTuple):
 Event = Chunk | Notice | Words
 
 
-LEAP_S = 60.0
-"""A device's clock that runs ahead by more was set anew."""
-
-
 class Clock:
     """The device's own time where it tells, moved to begin at the first arrival; else the arrival,
     readings that came together a millisecond apart. Times of a sensor always increase."""
@@ -66,7 +62,7 @@ class Clock:
                 moment = max(now - 1e-3 * (len(told) - 1 - k), last + 1e-4)
             else:
                 moment = own + self._offset.setdefault(sensor, now - own)
-                if not last < moment < now + LEAP_S:  # the device was started anew
+                if not last < moment < now + 60.0:  # the device was started anew
                     moment = max(now, last + 1e-4)
                     self._offset[sensor] = moment - own
             self._last[sensor] = moment

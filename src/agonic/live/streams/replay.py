@@ -16,9 +16,6 @@ from agonic.live.streams.events import Chunk, Event, Notice
 from agonic.logs.read import open_log
 from agonic.samples import Samples
 
-STEP_S = 0.02
-"""Between two chunks."""
-
 RATE_HZ = 50.0
 """Of readings that were logged without times."""
 
@@ -33,9 +30,6 @@ between any two readings."""
 
 FIELD_N = (25_000.0, 0.0, 50_000 * 0.75**0.5)
 """Where the simulation is, nT: 50 000, dipping 60°."""
-
-
-ROVER_TILT_DEG = 5.0
 
 
 class Replay:
@@ -65,7 +59,7 @@ class Replay:
         played = first
         while played <= last and not stop.is_set():
             if self.speed > 0:
-                stop.wait(STEP_S)
+                stop.wait(0.02)
                 played = first + self.speed * (time.monotonic() - began)
             else:
                 played += 1.0
@@ -111,7 +105,7 @@ def make_simulated(
 
     rng = np.random.default_rng(seed)
     rover = kind == "rover"
-    settings: dict[str, Any] = {"tilt_deg": ROVER_TILT_DEG} if rover else {}
+    settings: dict[str, Any] = {"tilt_deg": 5.0} if rover else {}
     made = [
         _slow_down(
             simulate(

@@ -41,9 +41,6 @@ acceleration, m/s², and rotation rate, rad/s, follow."""
 _CORRECTED = ("VNMAG", "VNYMR", "VNYIA", "VNYBA")
 """Sentences of the same maker whose field the device has already corrected."""
 _MOTIONCAL_OTHERS = ("Uni:", "Ori:")
-_MOTIONCAL_FORCE = STANDARD_GRAVITY_M_S2 / 8192
-_MOTIONCAL_RATE = math.radians(1 / 16)
-"""What a count is: of acceleration, m/s², and of rotation rate, rad/s (MotionCal, rawdata.c)."""
 
 
 @dataclass
@@ -152,8 +149,8 @@ def _scale_counts(counts: tuple[float, ...]) -> tuple[float, ...] | None:
     none."""
     if not any(counts[:3]):
         return None
-    force = tuple(_MOTIONCAL_FORCE * v for v in counts[:3])
-    return force + tuple(_MOTIONCAL_RATE * v for v in counts[3:])
+    force = tuple(STANDARD_GRAVITY_M_S2 / 8192 * v for v in counts[:3])  # MotionCal, rawdata.c
+    return force + tuple(math.radians(1 / 16) * v for v in counts[3:])
 
 
 def _find_clock(cells: list[str]) -> tuple[int, float] | None:

@@ -14,7 +14,6 @@ from agonic.live.streams.links import Link, SerialLink, StandardInput, TcpLink, 
 from agonic.live.streams.replay import Replay, make_simulated, replay_log
 from agonic.units import RAW, find_unit
 
-BAUD = 115_200
 FORMS = (
     "serial:/dev/ttyUSB0[:115200], udp://[HOST]:PORT, tcp://HOST:PORT, mavlink+udp://[HOST]:PORT, "
     "mavlink+tcp://HOST:PORT, mavlink+serial:/dev/ttyACM0[:115200], a log, or sim"
@@ -63,7 +62,7 @@ def _parse_serial(rest: str) -> SerialLink:
     device, _, baud = rest.removeprefix("//").rpartition(":")
     if device and baud.isdecimal():
         return SerialLink(device, int(baud))
-    return SerialLink(rest.removeprefix("//"), BAUD)
+    return SerialLink(rest.removeprefix("//"), 115_200)
 
 
 def _parse_network(text: str, parts: SplitResult, wire: str) -> Link:

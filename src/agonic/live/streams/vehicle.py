@@ -113,9 +113,6 @@ LEARN = "COMPASS_LEARN"
 
 RATE_HZ = 50
 HEARTBEAT_S = 1.0
-REQUEST_S = 5.0
-GROUND = (255, 190)
-"""System and component of a ground station."""
 
 _PX4_SAYS = (
     "PX4 sends its readings corrected, with an estimate of the bias that telemetry does not "
@@ -139,7 +136,7 @@ class Vehicle:
     def begin(self, write: Callable[[bytes], None]) -> None:
         """A new connection: the vehicle is met anew."""
         wire = SimpleNamespace(write=lambda data: write(bytes(data)))
-        self._link = self._dialect.MAVLink(wire, *GROUND)
+        self._link = self._dialect.MAVLink(wire, 255, 190)  # as a ground station
         self._link.robust_parsing = True
         self._system: tuple[int, int] | None = None
         self._autopilot = NO_AUTOPILOT
@@ -197,7 +194,7 @@ class Vehicle:
             self._link.heartbeat_send(6, NO_AUTOPILOT, 0, 0, 4)  # a ground station, active
         if self._system is None:
             return events
-        if now - self._request_at > REQUEST_S:
+        if now - self._request_at > 5.0:
             self._request_at = now
             self._request()
         for slot in sorted(self._seen):

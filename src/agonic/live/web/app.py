@@ -25,13 +25,9 @@ from agonic.maths.equation.coverage import icosphere
 from agonic.report.digits import group_digits
 from agonic.report.page_file import read_static as of_report
 
-FRAME_S = 1 / 30
-"""Between two messages with points."""
-
 MOST_POINTS = 5000
 """Points of a message; a page that is behind gets the rest in the next."""
 
-MOST_CLIENTS = 64
 PATIENCE = 20
 """Messages a second that a page may send, and wrong ones in all, before it is let go."""
 
@@ -86,7 +82,7 @@ def make_app(session: Session, *, token: str | None = None) -> Starlette:
         return FileResponse(path, headers={"Cache-Control": "no-store"})
 
     async def socket(websocket: WebSocket) -> None:
-        full = len(clients) >= MOST_CLIENTS
+        full = len(clients) >= 64
         if full or not allowed(websocket) or not _has_same_origin(websocket):
             await websocket.close(code=1008)
             return
@@ -149,7 +145,7 @@ async def _tell(websocket: WebSocket, session: Session) -> None:
             seen[k] = (shown, count)
             if len(rows):
                 await websocket.send_bytes(messages.encode_points(k, count, shown.at, rows))
-        await asyncio.sleep(max(FRAME_S - (time.monotonic() - began), 0.001))
+        await asyncio.sleep(max(1 / 30 - (time.monotonic() - began), 0.001))
 
 
 _last: tuple[messages.Status | None, bytes] = (None, b"")

@@ -27,9 +27,6 @@ from agonic.recording.document import Written
 from agonic.recording.files import write_folder
 from agonic.samples import Samples
 
-SAVE_S = 5.0
-"""Between two times that the files are written."""
-
 
 class SavedFits:
     """Saves the live fits of a session, and takes them up again after the program was stopped.
@@ -65,7 +62,7 @@ class SavedFits:
 
     def due(self) -> bool:
         """Whether it is time to save."""
-        return bool(self._origin) and time.monotonic() - self._at > SAVE_S
+        return bool(self._origin) and time.monotonic() - self._at > 5.0
 
     def save(self, stands: Mapping[str, tuple[LiveParams, LiveState]]) -> str:
         """Write where sensors stand, those with something new; what went wrong, in words."""

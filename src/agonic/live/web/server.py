@@ -94,9 +94,6 @@ def _make_address(host: str, port: int, token: str | None) -> str:
 REQUEST_S = 10.0
 """A request must be whole after so long."""
 
-MOST_UNFINISHED = 64
-"""Connections without a whole request; the oldest makes room for another."""
-
 
 class Requests(H11Protocol):
     """Lets connections go whose requests are never finished, so that they lock nobody out."""
@@ -109,7 +106,7 @@ class Requests(H11Protocol):
         self._limit = self.loop.call_later(REQUEST_S, self._drop)
         others = (one for one in self.connections if isinstance(one, Requests))
         waiting = [one for one in others if one._limit is not None]
-        if len(waiting) > MOST_UNFINISHED:
+        if len(waiting) > 64:
             min(waiting, key=lambda one: one._limit.when() if one._limit else 0.0)._drop()
 
     def data_received(self, data: bytes) -> None:

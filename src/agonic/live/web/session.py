@@ -21,7 +21,6 @@ from agonic.recording.document import Written
 
 DIGEST_S = 0.2  # between two fits, and two statuses
 RETRY_S = 1.0  # before a source whose driver failed is opened again
-MOST_SENSORS, MOST_NOTES = 8, 16
 
 
 class Session:
@@ -203,7 +202,7 @@ class Session:
                 return
             watched = self._watched.get(chunk.sensor)
             if watched is None:
-                if len(self._watched) >= MOST_SENSORS:
+                if len(self._watched) >= 8:
                     return
                 given = dict(self.plan.before)
                 before = find_calibration_before(self.plan.folder, chunk.sensor, given)
@@ -266,7 +265,7 @@ class Session:
         """Say something once."""
         with self._lock:
             notes = self._status.notes
-            if note not in notes and len(notes) < MOST_NOTES:
+            if note not in notes and len(notes) < 16:
                 self._change(notes=[*notes, note])
 
 

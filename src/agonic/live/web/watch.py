@@ -25,9 +25,6 @@ from agonic.report.digits import group_digits
 from agonic.samples import Samples
 from agonic.units import nanotesla_per
 
-PAUSE_S = 10.0
-"""Between the times of readings that were saved and those after."""
-
 MOST_NOTED = 200
 """Values of the heading's standard error that are remembered."""
 
@@ -109,7 +106,7 @@ class WatchedSensor:
         times = np.concatenate([chunk.time for chunk in waiting])
         first = times[np.isfinite(times)][:1]
         if self._last_s is not None and len(first):  # this machine's clock may have begun anew
-            self._later_s, self._last_s = self._last_s + PAUSE_S - float(first[0]), None
+            self._later_s, self._last_s = self._last_s + 10.0 - float(first[0]), None
         field = np.concatenate([chunk.field for chunk in waiting])
         self.live.add(times + self._later_s, field, _join_motion(waiting))
 
