@@ -17,11 +17,12 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from agonic.arrays import Array
+from agonic.calibration.autopilots import ARDUPILOT, PX4
 from agonic.errors import LogError
-from agonic.exports.ardupilot import ardupilot_names, motor_names
+from agonic.exports.ardupilot import ardupilot_names
 from agonic.exports.matlab import WARM
-from agonic.exports.motioncal import LENGTH, SIGNATURE, Packet, compute_crc16
-from agonic.exports.px4 import AMPERES, INT32, POWER, THERMAL, power_names, px4_names, thermal_names
+from agonic.exports.motioncal import PACKET_BYTES, SIGNATURE, Packet, compute_crc16
+from agonic.exports.px4 import POWER, POWER_KIND, THERMAL, thermal_names
 from agonic.exports.ros import BIAS, MATRIX
 from agonic.exports.table import COLUMNS, NAMES
 from agonic.logs.ardupilot.compass import LARGEST_SCALE
@@ -59,7 +60,7 @@ def apply_ardupilot(
     if not 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE:
         scale = 1.0
     matrix = unpack_symmetric(six) if six[:3].any() else unpack_symmetric([1, 1, 1, *six[3:]])
-    motor = np.array([parameters.get(name, 0.0) for name in motor_names(compass)])
+    motor = np.array([parameters.get(name, 0.0) for name in ARDUPILOT.names(compass, "MOT")])
     added = np.asarray(x, dtype=np.float64)[..., None] * motor
     return np.asarray((scale * (np.asarray(raw) + offset)) @ matrix.T + added)
 
@@ -72,7 +73,7 @@ def parse_px4(path: Path | str) -> dict[str, float | int]:
         if line.strip() and not line.startswith("#"):
             try:
                 _, _, name, value, kind = line.split()
-                parameters[name] = int(value) if int(kind) <= INT32 else float(value)
+                parameters[name] = int(value) if int(kind) <= 6 else float(value)
             except ValueError:
                 raise LogError(
                     "a row needs vehicle, component, name, number and type", path=path, row=row
@@ -93,9 +94,10 @@ def apply_px4(
     `x` is the current in A or the throttle 0…1, whichever CAL_MAG_COMP_TYP says; `temperature_C`
     the sensor's, where TC_M is to count.
     """
-    values = np.array([parameters[name] for name in px4_names(slot)])
-    comp = np.array([parameters.get(name, 0.0) for name in power_names(slot)])
-    power = np.asarray(x, np.float64)[..., None] / AMPERES.get(int(parameters.get(POWER, 1)), 1.0)
+    values = np.array([parameters[name] for name in PX4.names(slot + 1, *PX4.parts[:3])])
+    comp = np.array([parameters.get(name, 0.0) for name in PX4.names(slot + 1, "COMP")])
+    unit = dict(POWER_KIND.values())[int(parameters.get(POWER, 1))]
+    power = np.asarray(x, np.float64)[..., None] / unit
     offset = values[:3] + thermal_offset(parameters, temperature_C, slot=slot)
     return np.asarray((np.asarray(raw) + power * comp - offset) @ unpack_symmetric(values[3:]).T)
 
@@ -200,7 +202,7 @@ def apply_ros(parameters: Mapping[str, list[float]], raw: ArrayLike) -> Array:
 def parse_motioncal(path: Path | str) -> Packet:
     """The packet in a file; `LogError` where signature, length or CRC are wrong."""
     data = read_bytes(path)
-    if len(data) != LENGTH or not data.startswith(SIGNATURE) or compute_crc16(data):
+    if len(data) != PACKET_BYTES or not data.startswith(SIGNATURE) or compute_crc16(data):
         raise LogError(
             "not a MotionCal packet: 68 bytes that start with 75 54 and end with their CRC",
             path=path,

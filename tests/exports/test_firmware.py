@@ -205,7 +205,7 @@ def test_a_temperature_out_of_range_is_flagged_and_held_at_the_edge(tmp_path):
     got = c.heading(
         raw=raw, temperature_C=levels[:, None], temperature_rate_C_s=np.zeros((7, 1)), **still
     )
-    flagged = (got["status"].astype(int) & prediction.TEMPERATURE) > 0
+    flagged = (got["status"].astype(int) & prediction.Status.TEMPERATURE) > 0
     assert flagged.tolist() == [False, False, True, True, True, True, True]
     near = np.array([-12.4, 51.4, -12.5, -12.5, 51.5, 51.5, -12.5])
     truth = MOUNTED.rotation.apply(WARM.correct(raw[:, 0], temperature=near))
@@ -265,7 +265,7 @@ def test_down_as_a_vector_needs_no_angles(tmp_path):
     c = Controller(tmp_path, ("raw", "acceleration"))
     got = c.heading(raw=raw[:, None], acceleration=force)
     assert apart(got["compass_deg"], yaw).max() < 0.01
-    assert got["status"][0] == prediction.ACCELERATED
+    assert got["status"][0] == prediction.Status.ACCELERATED
     assert not got["status"][1:].any()
 
 
@@ -285,11 +285,11 @@ def plain(tmp_path_factory) -> Controller:
 @pytest.mark.parametrize(
     ("wrong", "status"),
     [
-        ({"scale": 1.2}, prediction.DISTURBED),
-        ({"roll": 81.0}, prediction.STEEP),
-        ({"dip": 89.0}, prediction.DISTURBED | prediction.VERTICAL),
-        ({"dip": 50.0}, prediction.DISTURBED),
-        ({"nan": True}, prediction.DISTURBED | prediction.VERTICAL),
+        ({"scale": 1.2}, prediction.Status.DISTURBED),
+        ({"roll": 81.0}, prediction.Status.STEEP),
+        ({"dip": 89.0}, prediction.Status.DISTURBED | prediction.Status.VERTICAL),
+        ({"dip": 50.0}, prediction.Status.DISTURBED),
+        ({"nan": True}, prediction.Status.DISTURBED | prediction.Status.VERTICAL),
     ],
 )
 def test_what_makes_a_heading_meaningless_is_flagged(wrong, status, plain):
@@ -381,7 +381,7 @@ def test_of_several_compasses_the_first_undisturbed_is_used(tmp_path):
     c = Controller(tmp_path, ("raw", "roll_deg", "pitch_deg"), compasses=2)
     got = c.heading(raw=np.array(raw), **level)
     assert got["used"].tolist() == [0, 1, 0, 1, 0, 1, 0]
-    assert ((got["status"].astype(int) & prediction.DISTURBED) > 0).tolist() == [
+    assert ((got["status"].astype(int) & prediction.Status.DISTURBED) > 0).tolist() == [
         False,
         False,
         False,
@@ -527,7 +527,7 @@ def test_a_recorded_flight(recordings, tmp_path):
         assert len(one) > 1400
         assert apart(got["true_deg"], expected.true_deg).max() < 0.01
         assert apart(got["compass_deg"], expected.compass_deg).max() < 0.01
-        disturbed = (got["status"].astype(int) & prediction.DISTURBED) > 0
+        disturbed = (got["status"].astype(int) & prediction.Status.DISTURBED) > 0
         # a log shows what a row by itself does not: that it lies inside a disturbance
         assert (disturbed & ~expected.flags["disturbed"]).mean() < 0.001
         assert (disturbed == expected.flags["disturbed"]).mean() > 0.99
@@ -564,7 +564,8 @@ def test_python_headings_and_firmware_agree_on_which_compass_to_believe(tmp_path
     assert {0, 1} == set(expected.used)
     assert apart(got["true_deg"], expected.true_deg)[same].max() < 0.01
     disturbed, steep = (
-        (got["status"].astype(int) & bit) > 0 for bit in (prediction.DISTURBED, prediction.STEEP)
+        (got["status"].astype(int) & bit) > 0
+        for bit in (prediction.Status.DISTURBED, prediction.Status.STEEP)
     )
     assert (disturbed & ~expected.flags["disturbed"]).mean() < 0.005
     assert (disturbed == expected.flags["disturbed"]).mean() > 0.99

@@ -8,7 +8,7 @@ import pytest
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
 from agonic.cli import run
-from agonic.exports.vehicle import write_vehicle
+from agonic.exports.targets import write_vehicle
 from agonic.files.calibration import save
 from agonic.files.setup import save_setup
 from tests.exports.read_back import apply_ardupilot, apply_px4, parse_ardupilot, parse_px4

@@ -74,7 +74,7 @@ def test_many_points_are_as_few(monkeypatch: pytest.MonkeyPatch) -> None:
     places = rng.uniform([[-90.0], [-180.0], [0.0]], [[90.0], [180.0], [6e5]], (3, 500))
     years = rng.uniform(2015.0, 2030.0, 500)
     expected = igrf().at(*places, years).field_n
-    monkeypatch.setattr(model_module, "PIECE", 64)
+    monkeypatch.setattr(model_module, "PIECE_ROWS", 64)
     monkeypatch.setattr(model_module, "COMPILE_FROM", 1)
     assert np.abs(igrf().at(*places, years).field_n - expected).max() < 1e-8
 

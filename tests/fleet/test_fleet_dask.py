@@ -85,7 +85,7 @@ def test_what_the_work_raises_ends_the_run(dask: Dask) -> None:
 
 
 def test_a_scheduler_that_is_not_there_is_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("agonic.fleet.engine.SECONDS", 0.5)
+    monkeypatch.setattr("agonic.fleet.engine.ANSWER_S", 0.5)
     with pytest.raises(AgonicError, match="does not answer"):
         list(Dask(scheduler="tcp://127.0.0.1:9").run(squared, [1]))
 

@@ -6,7 +6,7 @@ import pytest
 import agonic as ag
 from agonic.live.fit import LiveFit
 from agonic.live.level import Level, find_gap, list_steps
-from agonic.live.track import MOST, extend_track
+from agonic.live.track import MAX_ROWS, extend_track
 from tests.live.rover import BIAS, FIELD_N, PLACE, drive, get_motion, heading_error_deg, stand, turn
 
 LEVEL = turn(0, 720)
@@ -34,7 +34,7 @@ def test_the_way_is_the_same_however_it_is_cut_and_bounded():
         pieces = extend_track(pieces, rows[cut], motion[cut])
     np.testing.assert_array_equal(whole.slots, pieces.slots)
     np.testing.assert_allclose(whole.sums, pieces.sums, rtol=1e-9)
-    assert len(whole.slots) <= MOST
+    assert len(whole.slots) <= MAX_ROWS
     kept = (whole.start + whole.sums[:, 1] / whole.sums[:, 0]) // 600 % 2 == 0
     assert kept.mean() > 0.97  # what moved is kept, all but the last stretch
     assert np.diff(whole.make_samples("mag", "nT").time).min() > 0

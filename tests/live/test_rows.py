@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agonic.live.streams import Chunk, Notice
-from agonic.live.streams.connection import LONGEST, Lines
+from agonic.live.streams.connection import LINE_BYTES, Lines
 from agonic.live.streams.rows import LineParser, Reading, Unreadable
 
 
@@ -96,7 +96,7 @@ def test_a_line_without_end_is_passed_over_in_bounded_room():
     said = []
     for _ in range(2000):  # 32 MB
         said += lines.feed(b"7" * 16_384, 5.0)
-        assert len(lines._rest) <= LONGEST
+        assert len(lines._rest) <= LINE_BYTES
     after = lines.feed(b"77\n1,2,3\n", 9.0)
     np.testing.assert_array_equal(readings(after), [[1, 2, 3]])
     assert sum(isinstance(event, Notice) for event in said) <= 1

@@ -15,7 +15,7 @@ from agonic.calibration.base import (
     Validity,
     as_readings,
     check_size,
-    read_only,
+    lock_arrays,
     require_covariance,
 )
 from agonic.maths.equation import affine as kernel
@@ -108,11 +108,7 @@ class Affine(Correction):
 
     def __post_init__(self) -> None:
         m = len(self.parameters)
-        shapes = {"bias": (3,), "matrix": (3, 3), "covariance": (m, m)}
-        for name, shape in shapes.items():
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, read_only(name, value, shape))
+        lock_arrays(self, bias=(3,), matrix=(3, 3), covariance=(m, m))
 
     @property
     def parameters(self) -> tuple[str, ...]:

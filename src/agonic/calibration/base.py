@@ -47,7 +47,7 @@ def _key(value: Any) -> Any:
     return value
 
 
-_UNIT_OFF = 300.0
+_OTHER_UNIT_FACTOR = 300.0
 """Readings so many times off are in another unit; a shield or a magnet does not do that."""
 
 
@@ -149,7 +149,7 @@ def check_size(raw: Array, calibration: Calibration, validity: Validity) -> None
     known, size = validity.largest_reading, _find_largest(raw)
     if not np.isfinite(size):
         size = _find_largest(raw[np.isfinite(raw)])
-    if not known or not size or known / _UNIT_OFF < size < known * _UNIT_OFF:
+    if not known or not size or known / _OTHER_UNIT_FACTOR < size < known * _OTHER_UNIT_FACTOR:
         return
     raise UnitError(
         f"readings up to {size:.3g} were given where the calibration is of readings in "
@@ -172,6 +172,14 @@ def read_only(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     return array
 
 
+def lock_arrays(owner: object, **shapes: tuple[int, ...]) -> None:
+    """Put unwriteable arrays of these shapes in the place of attributes; `None` stays."""
+    for name, shape in shapes.items():
+        value = getattr(owner, name)
+        if value is not None:
+            object.__setattr__(owner, name, read_only(name, value, shape))
+
+
 def require_covariance(covariance: Array | None) -> Array:
     """The covariance of a calibration, or an error where it carries none."""
     if covariance is None:
@@ -180,10 +188,8 @@ def require_covariance(covariance: Array | None) -> Array:
 
 
 def select_columns(calibration: Calibration, samples: Samples) -> dict[str, Array]:
-    """The columns of the samples that the calibration needs beside the readings, by name.
-
-    The rate at which the temperature changes, °C/s, is taken from time and temperature.
-    """
+    """The columns of the samples that the calibration needs beside the readings, by name. The rate
+    at which the temperature changes, °C/s, is taken from time and temperature."""
     there = samples.columns()
     if "temperature_rate" in calibration.needs and {"time", "temperature"} <= set(there):
         there["temperature_rate"] = compute_rates(there["time"], there["temperature"])
@@ -261,8 +267,6 @@ def check_readings(calibration: Calibration, samples: Samples) -> None:
 
 def correct_field(calibration: Calibration, samples: Samples) -> Array:
     """The corrected field (n, 3) of every row, as the calibration makes it, whatever comes out.
-
-    `apply` leaves rows out whose field is beyond what any sensor gives. Raises as `apply` does.
-    """
+    `apply` leaves rows out whose field is beyond what any sensor gives. Raises as `apply` does."""
     check_readings(calibration, samples)
     return calibration.correct(samples.field, **select_columns(calibration, samples))

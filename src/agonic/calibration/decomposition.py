@@ -120,9 +120,8 @@ def expand_in_temperature(calibration: Thermal) -> tuple[Array, Array | None]:
 
 
 Shape = Literal["sphere", "upright", "tilted"]
-SIGNIFICANT = 0.01
+MAX_CHANCE = 0.01
 """Cross terms, or unequal half axes, that would be this improbable by chance are there."""
-_ORDERS = np.array(list(permutations(range(3))))
 
 
 class RawEllipsoid(NamedTuple):
@@ -145,11 +144,9 @@ class RawEllipsoid(NamedTuple):
 
 
 def find_raw_ellipsoid(calibration: Affine) -> RawEllipsoid | None:
-    """The ellipsoid that an affine calibration makes a sphere of; None without its covariance.
-
-    Of a model that was chosen as a sphere or as diagonal the shape is that; else the cross terms
-    of Q, and the differences of its diagonal, are tested against their covariance (Wald).
-    """
+    """The ellipsoid that an affine calibration makes a sphere of; None without its covariance. Of a
+    model that was chosen as a sphere or as diagonal the shape is that; else the cross terms of Q,
+    and the differences of its diagonal, are tested against their covariance (Wald)."""
     matrix = calibration.matrix
     if calibration.covariance is None or not np.isfinite(matrix).all():
         return None
@@ -157,7 +154,8 @@ def find_raw_ellipsoid(calibration: Affine) -> RawEllipsoid | None:
     values, vectors = np.linalg.eigh(quadric)
     if not values[0] > 1e-12 * values[-1]:
         return None
-    order = max(_ORDERS, key=lambda at: float(np.abs(np.diag(vectors[:, at])).prod()))
+    ways = map(list, permutations(range(3)))
+    order = max(ways, key=lambda at: float(np.abs(np.diag(vectors[:, at])).prod()))
     values, vectors = values[order], vectors[:, order]
     vectors = vectors * np.where(np.diag(vectors) < 0, -1.0, 1.0)
     entries = model_basis("full", calibration.gauge)[3:, 3:].T.reshape(-1, 3, 3)
@@ -214,8 +212,8 @@ def _test(value: Array, jacobian: Array, covariance: Array) -> float:
 
 
 def _name_shape(calibration: Affine, p_upright: float, p_sphere: float) -> Shape:
-    if calibration.model == "sphere" or p_sphere > SIGNIFICANT:
+    if calibration.model == "sphere" or p_sphere > MAX_CHANCE:
         return "sphere"
-    if calibration.model == "diagonal" or p_upright > SIGNIFICANT:
+    if calibration.model == "diagonal" or p_upright > MAX_CHANCE:
         return "upright"
     return "tilted"

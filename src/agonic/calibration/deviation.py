@@ -11,7 +11,7 @@ from scipy.special import stdtrit
 
 from agonic.arrays import Array
 from agonic.calibration import schema_fields as form
-from agonic.calibration.base import Valued, read_only
+from agonic.calibration.base import Valued, lock_arrays
 from agonic.errors import AgonicError
 from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations import deviation as kernel
@@ -118,10 +118,7 @@ class Deviation(Valued):
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:
-        for name, shape in (("coefficients", (5,)), ("heel", (4,)), ("covariance", (9, 9))):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, read_only(name, value, shape))
+        lock_arrays(self, coefficients=(5,), heel=(4,), covariance=(9, 9))
 
     def at(
         self,

@@ -157,10 +157,8 @@ _SAME = {"validity": ValidityRecord, "provenance": ProvenanceRecord}
 
 
 def make_record(kind: Any, law: str, **forms: Any) -> type[Struct]:
-    """The record of a kind of calibration: its fields, in their forms, under its law.
-
-    `forms` are of fields that hold calibrations.
-    """
+    """The record of a kind of calibration: its fields, in their forms, under its law. `forms` are
+    of fields that hold calibrations."""
     hints = get_type_hints(kind, localns={"Rotation": Any}, include_extras=True)
     forms = {name: _find_form(hint) for name, hint in hints.items()} | _SAME | forms
     known = {f.name: f for f in fields(kind)}

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import read_only
+from agonic.calibration.base import lock_arrays
 from agonic.calibration.schema_fields import Name, Row, described, stored
 from agonic.calibration.sources import list_columns, parse_source, stack_inputs
 from agonic.calibration.sources import signals as signals
@@ -90,11 +90,7 @@ class Interference(Affine):
         if len(set(self.sources)) < len(self.sources):
             raise AgonicError(f"a source is named twice: {', '.join(self.sources)}")
         object.__setattr__(self, "sources", tuple(self.sources))
-        given = read_only("coefficients", self.coefficients, (3, width))
-        object.__setattr__(self, "coefficients", given)
-        if self.typical is not None:
-            typical = read_only("typical", self.typical, (width,))
-            object.__setattr__(self, "typical", typical)
+        lock_arrays(self, coefficients=(3, width), typical=(width,))
         super().__post_init__()
 
     @property

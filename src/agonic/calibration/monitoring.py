@@ -55,11 +55,8 @@ TAILS = 8.0
 """Degrees of freedom of Student's t for the common residuals, whose tails are those of manoeuvres
 and iron beside the road. Source: Lange, Little & Taylor (1989), Journal of the American Statistical
 Association 84, 881–896."""
-YEAR_H = 8766.0
 UNSTATED_SHARE = 0.01
 """Errors of a calibration without covariance, and of an inclinometer (`RECORDED_SD_DEG`)."""
-MOUNTED, UNMOUNTED = np.radians(1.0), np.radians(30.0)
-"""How well the two housings are in line: calibrated into body axes, and left in their own."""
 NOISE_NT, NOISE_TILT = 100.0, np.radians(0.15)
 """Of means over a window, until they are measured: drifts of common sensors in minutes."""
 
@@ -83,7 +80,7 @@ class MonitorParams:
     horizontal: float
     prior_sd: tuple[float, float, float, float] = (1000.0, 0.03, 500.0, 500.0)
     noise_sd: tuple[float, float, float, float] = (NOISE_NT, NOISE_TILT, NOISE_NT, NOISE_NT)
-    false_alarm_h: float = 10 * YEAR_H
+    false_alarm_h: float = 10 * 8766.0  # ten years
 
     @cached_property
     def alarm(self) -> Array:
@@ -145,7 +142,8 @@ def derive_monitor_params(
     size = field or next((m for m in map(find_magnitude, pair) if m), 50_000.0)
     level = horizontal or size / 2.0
     own = [_find_field_sd(one, size) for one in pair]
-    turn = MOUNTED if all(one.frame_out == "b" for one in pair) else UNMOUNTED
+    # how well the two housings are in line: calibrated into body axes, and left in their own
+    turn = np.radians(1.0 if all(one.frame_out == "b" for one in pair) else 30.0)
     both = float(np.hypot(own[0], own[1]))
     tilt = np.radians(0.5) if setup.tilt_sd_deg is None else float(np.radians(setup.tilt_sd_deg))
     return MonitorParams(

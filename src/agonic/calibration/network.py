@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.affine import Affine
-from agonic.calibration.base import Correction, Validity, read_only, require_covariance
+from agonic.calibration.base import Correction, Validity, lock_arrays, require_covariance
 from agonic.calibration.interference import Interference
 from agonic.calibration.schema_fields import (
     DeviceId,
@@ -153,21 +153,18 @@ class Network(Correction):
         )
         if o not in (1, 3) or (o == 1 and self.base is None):
             raise AgonicError(f"{o} outputs: a network gives three, or one along a base's field")
-        shapes = {
-            "input_middle": (i,),
-            "input_half": (i,),
-            "output_middle": (o,),
-            "hidden": (h, i + 1),
-            "output": (o, (h if self.second is None else len(self.second)) + 1),
-            "centres": (len(np.asarray(self.centres)), i),
-        }
-        if self.second is not None:
-            shapes["second"] = (len(self.second), h + 1)
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, read_only(name, getattr(self, name), shape))
-        if self.covariance is not None:
-            m = self.shape.size
-            object.__setattr__(self, "covariance", read_only("covariance", self.covariance, (m, m)))
+        last = h if self.second is None else len(self.second)
+        lock_arrays(
+            self,
+            input_middle=(i,),
+            input_half=(i,),
+            output_middle=(o,),
+            hidden=(h, i + 1),
+            second=(last, h + 1),
+            output=(o, last + 1),
+            centres=(len(np.asarray(self.centres)), i),
+        )
+        lock_arrays(self, covariance=(self.shape.size,) * 2)
         if not (self.reach > 0 and self.output_half > 0 and (self.input_half > 0).all()):
             raise AgonicError("reach and half ranges of a network must be above zero")
         self._meet_base()

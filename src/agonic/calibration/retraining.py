@@ -23,9 +23,9 @@ from agonic.readable import Shown
 Running = Affine | Thermal | Network
 Why = Literal["period", "change", "settling"]
 
-KEPT = 1000
+MAX_RETRAININGS = 1000
 """So many of the last retrainings are remembered."""
-LEAST = 50
+MIN_ROWS = 50
 """Readings without which nothing is trained; the base takes twelve numbers from them."""
 
 
@@ -71,7 +71,7 @@ class RetrainerParams:
     matrix_sd: float = 0.002
     shift_sd: float = 2.0
     alarm: float = 10.0
-    fewest: int = LEAST
+    fewest: int = MIN_ROWS
     misfit: float = 3.0
     furthest: float = 0.1
 
@@ -97,8 +97,8 @@ class RetrainerParams:
                 raise AgonicError(f"{name} is {value}; it must be above zero")
         if not (self.alarm >= 0 and isfinite(self.alarm)):
             raise AgonicError(f"alarm is {self.alarm}; it must be zero or more")
-        if self.fewest < LEAST:
-            raise AgonicError(f"fewest is {self.fewest}; a training takes at least {LEAST}")
+        if self.fewest < MIN_ROWS:
+            raise AgonicError(f"fewest is {self.fewest}; a training takes at least {MIN_ROWS}")
         if self.window_n < self.fewest:
             raise AgonicError(
                 f"a window of {self.window_n} readings is shorter than the {self.fewest} that a "

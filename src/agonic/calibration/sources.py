@@ -147,11 +147,9 @@ def measure_width(name: str) -> int:
 
 
 def check_inputs(inputs: tuple[str, ...]) -> None:
-    """Raise `AgonicError` where inputs of a network are none, named twice, or no columns.
-
-    Beside those of `WIDTH` any column that tells what the vehicle does can be one. A network finds
-    the form by itself, so powers, sums and delays have no place in it.
-    """
+    """Raise `AgonicError` where inputs of a network are none, named twice, or no columns. Beside
+    those of `WIDTH` any column that tells what the vehicle does can be one. A network finds the
+    form by itself, so powers, sums and delays have no place in it."""
     plain = all(n in WIDTH or ("_" in n and re.fullmatch(NAME, n, re.ASCII)) for n in inputs)
     if not inputs or not plain or len(set(inputs)) < len(inputs):
         raise AgonicError(
@@ -168,10 +166,8 @@ def list_disturbers(samples: Samples) -> tuple[str, ...]:
 def stack_inputs(
     inputs: tuple[str, ...], raw: ArrayLike | None, columns: Mapping[str, ArrayLike]
 ) -> Array:
-    """The inputs (…, i), each in its form, of readings (…, 3), if any, and columns.
-
-    A column that is one number is spread over the rows.
-    """
+    """The inputs (…, i), each in its form, of readings (…, 3), if any, and columns. A column that
+    is one number is spread over the rows."""
     known = columns if raw is None else {**columns, "field": raw}
     sources = [parse_source(name) for name in inputs]
     missing = [name for name in list_columns(inputs) if name not in known]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from agonic.arrays import Array, Mask
 from agonic.calibration import schema_fields as form
 from agonic.calibration.affine import FREE_PARAMETERS, LOWER, PARAMETERS, Affine
-from agonic.calibration.base import Correction, Validity, read_only, require_covariance
+from agonic.calibration.base import Correction, Validity, lock_arrays, require_covariance
 from agonic.errors import AgonicError, AgonicWarning
 from agonic.maths.equation import polynomial
 from agonic.maths.equation import temperature_model as kernel
@@ -99,13 +99,9 @@ class Thermal(Correction):
         p = len(np.asarray(self.bias))
         if not self.half_range_C > 0:
             raise AgonicError(f"half_range_C is {self.half_range_C}; it must be above 0 °C")
-        for name, shape in (("bias", (p, 3)), ("matrix", (p, 3, 3)), ("rate", (3,))):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, read_only(name, value, shape))
+        lock_arrays(self, bias=(p, 3), matrix=(p, 3, 3), rate=(3,))
         a = len(self.parameters)
-        if self.covariance is not None:
-            object.__setattr__(self, "covariance", read_only("covariance", self.covariance, (a, a)))
+        lock_arrays(self, covariance=(a, a))
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -159,7 +155,9 @@ class Thermal(Correction):
         beyond = self.outside(temperature)
         if beyond.any():
             warnings.warn(self._beyond(temperature, beyond), AgonicWarning, stacklevel=2)
-        left = self._cleaned(values, temperature, rate)
+        left = values - self.bias_at(temperature)
+        if self.rate is not None:
+            left = left - rate[..., None] * self.rate
         return np.asarray(np.einsum("...ij,...j->...i", self.matrix_at(temperature), left))
 
     def uncertainty(self, raw: ArrayLike, **columns: ArrayLike) -> Array:
@@ -169,14 +167,13 @@ class Thermal(Correction):
         """
         values, temperature, rate = self._with(np.atleast_2d(raw), columns)
         temperature = np.broadcast_to(temperature, values.shape[:1])
-        phi = self._phi(temperature, np.broadcast_to(rate, values.shape[:1]))
-        bias = self.bias_at(temperature)
+        phi, bias = self._powers(temperature), self.bias_at(temperature)
         if self.rate is not None:
-            bias = bias + phi[:, -1:] * self.rate
+            lag = np.broadcast_to(rate, values.shape[:1])[:, None]
+            phi, bias = np.concatenate([phi, lag], axis=1), bias + lag * self.rate
         by = correction_jacobian(values, bias, self.matrix_at(temperature))
-        rows = kernel.chain_to_coefficients(
-            by.reshape(-1, 12), self._layout, np.repeat(phi, 3, axis=0)
-        )
+        layout = kernel.build_layout(self.degree, self.gauge, self.rate is not None)
+        rows = kernel.chain_to_coefficients(by.reshape(-1, 12), layout, np.repeat(phi, 3, axis=0))
         rows = rows.reshape(len(values), 3, -1)
         return np.asarray(rows @ require_covariance(self.covariance) @ np.swapaxes(rows, 1, 2))
 
@@ -235,14 +232,6 @@ class Thermal(Correction):
         x = polynomial.scale(temperature, self.centre_C, self.half_range_C)
         return polynomial.powers(x, self.degree)
 
-    def _phi(self, temperature: Array, rate: Array) -> Array:
-        rows = self._powers(temperature)
-        return rows if self.rate is None else np.concatenate([rows, rate[..., None]], axis=-1)
-
-    def _cleaned(self, raw: Array, temperature: Array, rate: Array) -> Array:
-        left = raw - self.bias_at(temperature)
-        return left if self.rate is None else left - rate[..., None] * self.rate
-
     def _with(self, raw: ArrayLike, columns: dict[str, ArrayLike]) -> tuple[Array, Array, Array]:
         """Readings, temperature and rate as arrays."""
         if "temperature" not in columns:
@@ -254,10 +243,6 @@ class Thermal(Correction):
         rate = np.asarray(columns.get("temperature_rate", 0.0), dtype=np.float64)
         values = np.asarray(raw, dtype=np.float64)
         return values, temperature, np.broadcast_to(rate, temperature.shape)
-
-    @property
-    def _layout(self) -> Array:
-        return kernel.build_layout(self.degree, self.gauge, self.rate is not None)
 
     def _beyond(self, temperature: Array, beyond: Mask) -> str:
         assert self.validity.temperature_C is not None

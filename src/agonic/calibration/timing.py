@@ -45,10 +45,8 @@ def find_timing(sources: Iterable[str]) -> dict[str, Timing]:
 
 
 def restore(columns: Mapping[str, Array], timing: Mapping[str, Timing]) -> dict[str, Array]:
-    """The columns as they act on the field at their rows, by `time`.
-
-    At the end of what is recorded late, where nothing later is, the last value holds.
-    """
+    """The columns as they act on the field at their rows, by `time`. At the end of what is recorded
+    late, where nothing later is, the last value holds."""
     moved = {name: timing[name] for name in timing if name in columns}
     if moved and "time" not in columns:
         raise AgonicError(

@@ -120,17 +120,15 @@ class TrackerParams:
         return {}
 
 
-SETTLED = 0.05
+MAX_SETTLED_SD = 0.05
 """Of the field: the largest standard error of a bias that is known, beside a gyro."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Jump:
-    """A jump of the bias: the reading at which it began, when it was seen, and what it was.
-
-    `time` and `seen` in seconds of the readings; `shift` (3,) and its standard error `shift_sd`
-    (3,), in the unit of the readings, as soon as the bias is settled again.
-    """
+    """A jump of the bias: the reading at which it began, when it was seen, and what it was. `time`
+    and `seen` in seconds of the readings; `shift` (3,) and its standard error `shift_sd` (3,), in
+    the unit of the readings, as soon as the bias is settled again."""
 
     time: Annotated[float, Shown(key="time_s")]
     seen: Annotated[float, Shown(key="seen_s")]
@@ -243,7 +241,7 @@ class TrackerState:
             return True
         size = np.sqrt((self.turn.field**2).sum()) / float(np.mean(self.turn.matrix[:3]))
         largest = float(self.turn.find_sd("bias").max())
-        return self.recent is None and largest < SETTLED * size
+        return self.recent is None and largest < MAX_SETTLED_SD * size
 
     @property
     def consistency(self) -> Annotated[float, Shown()]:

@@ -17,9 +17,6 @@ from agonic.version import __version__
 GOOD, FAILED, UNUSABLE = 0, 1, 2
 """Exit status: all well; a check failed or a fit was refused; bad input or usage."""
 
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it."""
-
 DEBUG = "AGONIC_DEBUG"
 """The environment variable that lets an error that was not foreseen show its traceback."""
 
@@ -53,7 +50,7 @@ def run(arguments: list[str]) -> int:
     except typer.TyperException as error:
         message, failure = describe_usage_error(error), UNUSABLE
     except Interrupted as stopped:
-        message, failure = str(stopped), INTERRUPTED
+        message, failure = str(stopped), stopped.status
     except (AgonicError, OSError) as error:
         message, failure = str(error), UNUSABLE
     except Exception as error:  # a fault of ours: one line that says where, never a traceback
@@ -91,10 +88,8 @@ def _complain(message: str, status: int, *, as_json: bool) -> int:
 
 @cache
 def make_command(only: str = "") -> Any:
-    """The command `agonic` with every other below it, or with one: making all takes a while.
-
-    Kinds are made when they are asked for, and heavy imports wait until a command runs.
-    """
+    """The command `agonic` with every other below it, or with one: making all takes a while. Kinds
+    are made when they are asked for, and heavy imports wait until a command runs."""
     import typer
 
     from agonic.console.help import App, Group

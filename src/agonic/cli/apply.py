@@ -25,8 +25,7 @@ def apply(
     from agonic.cli.calibration_and_log import open_calibration_and_log
     from agonic.console.finish import require_table
     from agonic.console.output import finish_made
-    from agonic.exports.csv import make_table, write_csv
-    from agonic.exports.parquet import make_parquet
+    from agonic.exports.csv import make_parquet, make_table, write_csv
 
     as_parquet = out.suffix.lower() == ".parquet"
     calibration, samples = open_calibration_and_log(cal, log, *which)

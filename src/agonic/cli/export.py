@@ -10,7 +10,14 @@ import typer
 
 from agonic.console.options import Date, Json
 from agonic.errors import AgonicError
-from agonic.exports.targets import TARGETS, USE, compass_number, find_target, list_words
+from agonic.exports.targets import (
+    TARGETS,
+    USE,
+    compass_number,
+    find_target,
+    list_words,
+    write_vehicle,
+)
 from agonic.exports.targets import write as write_target
 
 if TYPE_CHECKING:
@@ -121,7 +128,6 @@ def _choose_library(layout: str | None, to: str, folder: Path) -> Path | None:
 
 def _export_vehicle(setup: Path, to: str, out: Path | None) -> Export:
     """All compasses of a setup in one file of parameters."""
-    from agonic.exports.vehicle import write_vehicle
     from agonic.files.setup import load_setup
 
     held = load_setup(setup).compasses

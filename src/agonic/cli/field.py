@@ -46,13 +46,6 @@ def field(
     return _table(points, date, model, out, as_json)
 
 
-def _choose_model(model: str | None, year: float) -> Model:
-    """The model of that name, or the one that holds in a year."""
-    from agonic.field.place import choose_model
-
-    return choose_model(year, model)
-
-
 def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
     """The elements at one place."""
     from datetime import UTC, datetime
@@ -60,10 +53,11 @@ def _place(at: str, date: str | None, model: str | None, as_json: bool) -> int:
     from agonic.console.output import print_json, say
     from agonic.console.parse import parse_position
     from agonic.field.decimal_year import decimal_year
+    from agonic.field.place import choose_model
 
     when = date or datetime.now(UTC).date().isoformat()
     latitude, longitude, altitude = parse_position(at)
-    chosen = _choose_model(model, float(decimal_year(when)))
+    chosen = choose_model(float(decimal_year(when)), model)
     here = chosen.at(latitude, longitude, altitude, when)
     elements, change = here.elements(), here.elements_per_year()
     if as_json:
@@ -124,12 +118,14 @@ def _answers(points: Points, model: str | None) -> tuple[list[str], dict[str, Ar
     """The name of the model of each point, and elements, yearly changes and errors (n,) by name."""
     import numpy as np
 
+    from agonic.field.place import choose_model
+
     years, of_row = np.unique(points.years, return_inverse=True)
-    names = np.array([_choose_model(model, year).name for year in years])[of_row]
+    names = np.array([choose_model(year, model).name for year in years])[of_row]
     answers: dict[str, Array] = {}
     for name in np.unique(names):
         rows = np.flatnonzero(names == name)
-        there = _at_rows(_choose_model(model, points.years[rows[0]]), points, rows)
+        there = _at_rows(choose_model(points.years[rows[0]], model), points, rows)
         change = {f"{key}_per_year": value for key, value in there.elements_per_year().items()}
         every = {**there.elements(), **change, "declination_sd_deg": there.declination_sd_deg}
         for key, values in every.items():

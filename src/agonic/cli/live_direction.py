@@ -65,10 +65,8 @@ def follow_live(
     stars: StarLines,
     sensor: str | None = None,
 ) -> int:
-    """Write the direction at every reading until the sources have ended; the exit status.
-
-    What is heard of the sources and what was left out goes to standard error.
-    """
+    """Write the direction at every reading until the sources have ended; the exit status. What is
+    heard of the sources and what was left out goes to standard error."""
     stop, heard = Flag(), Queue["Event | None"]()
     for one in sources:
         Thread(target=_listen, args=(one, heard, stop), daemon=True).start()

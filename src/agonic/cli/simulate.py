@@ -196,7 +196,7 @@ def vehicle(
     )
 
 
-LATITUDE_DEG, LONGITUDE_DEG = 52.1, 5.2
+PLACE = {"latitude_deg": 52.1, "longitude_deg": 5.2, "altitude_m": 0.0}
 
 
 def rover(
@@ -227,7 +227,8 @@ def rover(
     from agonic.simulation import simulate, with_inertial_unit
 
     epoch = datetime(2026, 5, 1, 10, 0, tzinfo=UTC)
-    place = choose_model(epoch.year + 0.33).at(LATITUDE_DEG, LONGITUDE_DEG, 0.0, epoch)
+    latitude, longitude, altitude = PLACE.values()
+    place = choose_model(epoch.year + 0.33).at(latitude, longitude, altitude, epoch)
     made = simulate(
         "circle",
         n=n,
@@ -244,13 +245,8 @@ def rover(
         late_s=late / 1000,
         seed=seed,
     )
-    where = {
-        "latitude_deg": np.full(n, LATITUDE_DEG),
-        "longitude_deg": np.full(n, LONGITUDE_DEG),
-        "altitude_m": np.zeros(n),
-        "epoch": epoch,
-    }
-    samples = unit(made.samples).with_columns(**where)
+    where = {name: np.full(n, value) for name, value in PLACE.items()}
+    samples = unit(made.samples).with_columns(**where, epoch=epoch)
     return _finish("rover", samples, made.truth, out, as_json)
 
 

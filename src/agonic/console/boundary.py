@@ -20,7 +20,10 @@ _CAUSES: tuple[tuple[tuple[str, ...], str], ...] = (
 
 
 class Interrupted(Exception):
-    """A command was stopped by Ctrl-C; its text says what was kept."""
+    """A command was stopped by Ctrl-C; its text says what was kept, its status is as shells have
+    it."""
+
+    status = 130
 
 
 def stop() -> Interrupted:

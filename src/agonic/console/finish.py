@@ -140,10 +140,8 @@ def require_table(out: Path) -> None:
 
 
 def write_as_named(file: Path, option: str, made: Mapping[str, Callable[[], str]]) -> str:
-    """Write a file in the form that its name asks for, and return its name.
-
-    `made` gives the content for each ending; `option` names the file on the command line.
-    """
+    """Write a file in the form that its name asks for, and return its name. `made` gives the
+    content for each ending; `option` names the file on the command line."""
     from agonic.atomic import write_atomically
     from agonic.errors import AgonicError
 

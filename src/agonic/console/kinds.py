@@ -18,10 +18,8 @@ from agonic.console.help import App, Group
 
 
 class Kinds(Group):
-    """The kinds of a command, where options may stand before the kind.
-
-    An unknown one is told the kind that is spelled nearly so or whose help has the word, and all.
-    """
+    """The kinds of a command, where options may stand before the kind. An unknown one is told the
+    kind that is spelled nearly so or whose help has the word, and all."""
 
     def make_later(
         self,
@@ -80,11 +78,9 @@ def _make_kinds(
 
 
 def register(app: typer.Typer, name: str, place: str, heading: str) -> None:
-    """Make a function a command, listed under a heading.
-
-    `place` is its module, with its name after a colon where the command is called otherwise. Of a
-    function that is several commands the help stands in the `HELP` of its module.
-    """
+    """Make a function a command, listed under a heading. `place` is its module, with its name after
+    a colon where the command is called otherwise. Of a function that is several commands the help
+    stands in the `HELP` of its module."""
     home, _, function = place.partition(":")
     module = import_module(home)
     help = getattr(module, "HELP", {}).get(name)

@@ -69,10 +69,8 @@ def write_truth(kind: str, values: Mapping[str, Any], folder: Path) -> Path:
 
 
 def fit_lines(text: str, width: int) -> str:
-    """Text whose lines are no longer than `width`, but for words that are.
-
-    What goes on stands under where it began, after a label and two spaces.
-    """
+    """Text whose lines are no longer than `width`, but for words that are. What goes on stands
+    under where it began, after a label and two spaces."""
     import re
     import textwrap
 

@@ -72,10 +72,8 @@ _WAYS = {
 
 
 def parse_mounting(text: str) -> Array:
-    """The rotation (3, 3) from the sensor's axes to the body's of "x up, y forward".
-
-    Two axes are enough; a third has to agree.
-    """
+    """The rotation (3, 3) from the sensor's axes to the body's of "x up, y forward". Two axes are
+    enough; a third has to agree."""
     import numpy as np
 
     along: dict[str, Array] = {}

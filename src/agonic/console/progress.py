@@ -97,11 +97,9 @@ def counting(total: int) -> Iterator[Callable[[str, int], None]]:
 
 @contextmanager
 def paced(what: str, things: str) -> Iterator[Callable[[int, int, int, str], None]]:
-    """A function that is told how many things are done, of how many, and how many were before.
-
-    The rate and the remaining time are of those that were not done before; a stage that is told
-    stands in their place.
-    """
+    """A function that is told how many things are done, of how many, and how many were before. The
+    rate and the remaining time are of those that were not done before; a stage that is told stands
+    in their place."""
     with _open_bar(what, "MofNCompleteColumn", "{task.fields[pace]}") as bar:
         task = None if bar is None else bar.add_task(what, total=None, pace="")
         begun = time.monotonic()

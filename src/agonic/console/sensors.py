@@ -43,10 +43,8 @@ def open_sensor(
     preferred: str = "",
     needed: str = "",
 ) -> Samples:
-    """The sensor of a log that was asked for, or the preferred one, or its only one.
-
-    `needed` is what the command reads, which is told where the file holds no magnetometer.
-    """
+    """The sensor of a log that was asked for, or the preferred one, or its only one. `needed` is
+    what the command reads, which is told where the file holds no magnetometer."""
     try:
         _, sensors = open_sensors(path, sensor, unit, between)
     except LogError as error:

@@ -30,7 +30,6 @@ from agonic.thermal.result import CalibratedCampaign
 
 TEMPERATURES = 200
 AXES = ("x", "y", "z")
-WIDE = 2.0  # standard errors that bands reach to either side
 
 
 def plot(shown: object) -> Any:
@@ -133,7 +132,7 @@ def _(shown: Heading, figure: Any) -> None:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     along = np.arange(len(shown)) if shown.time is None else shown.time
     trusted = shown.trusted
-    reach = WIDE * shown.sd_deg
+    reach = 2 * shown.sd_deg
     low, high = shown.true_deg - reach, shown.true_deg + reach
     above.fill_between(along, low, high, alpha=0.3, label="± 2 sd")
     above.plot(along[trusted], shown.true_deg[trusted], ".", markersize=2, label="true heading")
@@ -172,7 +171,7 @@ def _draw_temperature(figure: Any, calibrations: dict[str, Thermal]) -> None:
             for k, letter in enumerate(AXES):
                 (line,) = axes.plot(warm, values[:, k], label=letter)
                 if sd is not None:
-                    reach = WIDE * sd[:, first + k]
+                    reach = 2 * sd[:, first + k]
                     low, high = values[:, k] - reach, values[:, k] + reach
                     axes.fill_between(warm, low, high, alpha=0.3, color=line.get_color())
             axes.set(xlabel="temperature, °C")
@@ -192,7 +191,7 @@ def _(shown: Drift, figure: Any) -> None:
     ):
         time = np.linspace(one.time[0], max(shown.at.timestamp(), one.time[-1]), TEMPERATURES)
         band, dates = one.at(time), _dates(time)
-        reach = WIDE * band.calibration_sd
+        reach = 2 * band.calibration_sd
         axes.fill_between(dates, band.mean - reach, band.mean + reach, alpha=0.3)
         axes.plot(dates, band.mean)
         axes.errorbar(_dates(one.time), one.value, one.sd, fmt=".", color="black")
@@ -225,7 +224,7 @@ def _(shown: Tracker, figure: Any) -> None:
     time, bias, sd = shown.history[:, 0], shown.history[:, 1:4], shown.history[:, 4:7]
     unit = unit_label(shown.state.base.unit_in)
     for k, axes in enumerate(figure.subplots(3, sharex=True)):
-        reach = WIDE * sd[:, k]
+        reach = 2 * sd[:, k]
         axes.fill_between(time, bias[:, k] - reach, bias[:, k] + reach, alpha=0.3)
         axes.plot(time, bias[:, k])
         axes.set(ylabel=f"bias {AXES[k]}, {unit}")

@@ -29,6 +29,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.calibration.autopilots import ARDUPILOT
 from agonic.calibration.base import Calibration
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import parse_source
@@ -78,10 +79,8 @@ class MotorTerms(NamedTuple):
 def find_motor_terms(
     calibration: Calibration, *, rotation_bm: Rotation | None = None
 ) -> MotorTerms | None:
-    """The terms of motors 1 to 4, where all their duties count to one power, else `None`.
-
-    Other sources are held at their average in the log; where that is not known there is no term.
-    """
+    """The terms of motors 1 to 4, where all their duties count to one power, else `None`. Other
+    sources are held at their average in the log; where that is not known there is no term."""
     steps = steps_of(calibration)
     found = [step for step in steps if isinstance(step, Interference)]
     if len(found) != 1 or "second" in found[0].sources:
@@ -134,7 +133,6 @@ def compute_motor_parameters(terms: MotorTerms, matrix: Array, voltage: float) -
 
 
 LARGEST_OFFSET = 1800.0  # COMPASS_OFFS_MAX as delivered, mG, of the vector's length
-DIAGONAL = (0.2, 5.0)  # CompassCalibrator.cpp: what the on-board calibration accepts
 OFF_DIAGONAL = 1.0
 MOTOR_KIND = {"throttle": 1, "current_A": 2}  # COMPASS_MOTCT
 
@@ -188,7 +186,10 @@ def write_ardupilot(
     notes = (
         *write_banner(calibration, formula, warnings),
         "Set COMPASS_LEARN 0, else the vehicle replaces these offsets by its own.",
-        _tell_orientation(parameters),
+        "COMPASS_ORIENT and CUST_ROT turn readings that are logged in the sensor's own axes "
+        "(ArduPilot 4.2 or later); restart twice, for CUST_ROT_ENABLE shows the others."
+        if "CUST_ROT_ENABLE" in parameters
+        else "The numbers hold for the present compass orientation only.",
     )
     rows = (f"{name},{format_float32(value)}" for name, value in parameters.items())
     return write_rows("ardupilot", path, notes, rows, warnings)
@@ -234,7 +235,7 @@ def compute_ardupilot_parameters(
     if term is not None:
         source, added = term
         motor = -unpack_symmetric(six) @ added / NANOTESLA_PER["mG"]
-        parameters |= dict(zip(motor_names(compass), motor.tolist(), strict=True))
+        parameters |= dict(zip(ARDUPILOT.names(compass, "MOT"), motor.tolist(), strict=True))
         parameters["COMPASS_MOTCT"] = float(MOTOR_KIND[source])
         warnings += (
             f"COMPASS_MOTCT {MOTOR_KIND[source]} holds for all compasses of the vehicle: their "
@@ -243,32 +244,12 @@ def compute_ardupilot_parameters(
     return parameters, (*warnings, *_remarks(offset, six / scale))
 
 
-def _tell_orientation(parameters: dict[str, float]) -> str:
-    if "CUST_ROT_ENABLE" not in parameters:
-        return "The numbers hold for the present compass orientation only."
-    return (
-        "COMPASS_ORIENT and CUST_ROT turn readings that are logged in the sensor's own axes "
-        "(ArduPilot 4.2 or later); restart twice, for CUST_ROT_ENABLE shows the others."
-    )
-
-
 def ardupilot_names(compass: int) -> list[str]:
     """OFS x y z, DIA x y z, ODI x y z (= xy, xz, yz), SCALE; the first compass has no number."""
     if compass not in (1, 2, 3):
         raise AgonicError(f"compass is 1, 2 or 3 in ArduPilot, not {compass}")
-    kinds = ("OFS", "DIA", "ODI")
-    return [
-        *(n for kind in kinds for n in _name_vector(kind, compass)),
-        f"COMPASS_SCALE{_number(compass)}",
-    ]
-
-
-def _number(compass: int) -> str:
-    return "" if compass == 1 else str(compass)
-
-
-def _name_vector(kind: str, compass: int) -> list[str]:
-    return [f"COMPASS_{kind}{_number(compass)}_{axis}" for axis in "XYZ"]
+    slot = ARDUPILOT.slots[compass - 1]
+    return [*ARDUPILOT.names(compass, *ARDUPILOT.parts[:3]), f"COMPASS_SCALE{slot}"]
 
 
 def _orient(angles: Array, compass: int) -> dict[str, float]:
@@ -276,14 +257,10 @@ def _orient(angles: Array, compass: int) -> dict[str, float]:
     rotation, slot = CUSTOM[compass]
     named = zip(("ROLL", "PITCH", "YAW"), angles.tolist(), strict=True)
     return {
-        f"COMPASS_ORIENT{_number(compass)}": float(rotation),
+        f"COMPASS_ORIENT{ARDUPILOT.slots[compass - 1]}": float(rotation),
         "CUST_ROT_ENABLE": 1.0,
         **{f"CUST_ROT{slot}_{name}": angle for name, angle in named},
     }
-
-
-def motor_names(compass: int) -> list[str]:
-    return _name_vector("MOT", compass)
 
 
 def _remarks(offset: Array, six: Array) -> list[str]:
@@ -295,7 +272,7 @@ def _remarks(offset: Array, six: Array) -> list[str]:
             f"offsets of {length:.0f} mG exceed COMPASS_OFFS_MAX ({LARGEST_OFFSET:.0f}): the "
             "vehicle will not arm; move the sensor away from metal or raise that limit"
         )
-    smallest, largest = DIAGONAL
+    smallest, largest = (0.2, 5.0)  # CompassCalibrator.cpp: what the on-board calibration accepts
     if six[:3].min() < smallest or six[:3].max() > largest or np.abs(six[3:]).max() >= OFF_DIAGONAL:
         remarks.append(
             f"DIA outside {smallest} to {largest} or ODI beyond {OFF_DIAGONAL:.0f}: ArduPilot's "

@@ -32,7 +32,7 @@ from agonic.exports.temperature import (
     require_temperature,
 )
 
-TESTS = 7
+READINGS = 7
 """Known readings of the self-test, over the range of temperatures."""
 
 
@@ -76,8 +76,8 @@ def _known(calibration: Calibration, found: Polynomials, table: Array) -> tuple[
     and Stability of Numerical Algorithms, 2002, section 5.1); seven roundings more lie on the way.
     """
     rng = np.random.default_rng(0)
-    levels = np.linspace(found.low_C, found.high_C, TESTS).astype(np.float32).astype(np.float64)
-    directions = rng.normal(size=(TESTS, 3))
+    levels = np.linspace(found.low_C, found.high_C, READINGS).astype(np.float32).astype(np.float64)
+    directions = rng.normal(size=(READINGS, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     x = (levels - found.centre_C) / found.half_range_C
     sizes = np.abs(x)[:, None] ** np.arange(len(table)) @ np.abs(table)
@@ -86,9 +86,10 @@ def _known(calibration: Calibration, found: Polynomials, table: Array) -> tuple[
     size = find_magnitude(calibration) or float(np.linalg.norm(matrix[0] @ bias[0])) or 1.0
     raw = np.linalg.solve(matrix, size * directions[:, :, None])[:, :, 0] + bias
     raw = raw.astype(np.float32).astype(np.float64)
-    rates = 0.05 * rng.uniform(-1, 1, TESTS).astype(np.float32).astype(np.float64)  # °C/s
+    rates = 0.05 * rng.uniform(-1, 1, READINGS).astype(np.float32).astype(np.float64)  # °C/s
     columns = {
-        name: np.zeros((TESTS, 3) if name == "second" else TESTS) for name in calibration.needs
+        name: np.zeros((READINGS, 3) if name == "second" else READINGS)
+        for name in calibration.needs
     }
     columns |= {"temperature": levels} | ({RATE: rates} if RATE in found.signals else {})
     field = calibration.correct(raw, **columns)
@@ -173,12 +174,9 @@ def _describe(
 
 
 def _example(calibration: Calibration, bias: Array, matrix: Array) -> tuple[Array, Array, float]:
-    """A reading, its field, and how far float32 may be off.
-
-    Seven roundings lie on the way (bias, matrix, difference, product, two sums, expected value),
-    each of half a unit in the last place of numbers no larger than |matrix| (|raw| + |bias|); a
-    little over twice that is allowed.
-    """
+    """A reading, its field, and how far float32 may be off. Seven roundings lie on the way (bias,
+    matrix, difference, product, two sums, expected value), each of half a unit in the last place of
+    numbers no larger than |matrix| (|raw| + |bias|); a little over twice that is allowed."""
     size = find_magnitude(calibration) or float(np.linalg.norm(matrix @ bias)) or 1.0
     field = size * np.array([0.48, -0.6, 0.64])
     raw = (np.linalg.solve(matrix, field) + bias).astype(np.float32).astype(np.float64)

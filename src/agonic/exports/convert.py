@@ -80,11 +80,9 @@ def require_uncorrected(calibration: Calibration) -> None:
 
 
 def reduce(calibration: Calibration) -> tuple[Array, Array]:
-    """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias).
-
-    Where it takes a current or throttle into account, the bias is that without them: see
-    `list_left_out`. Raises `AgonicError` where it mixes two magnetometers.
-    """
+    """Bias (3,) and matrix (3, 3) of a whole calibration, field = matrix @ (raw − bias). Where it
+    takes a current or throttle into account, the bias is that without them: see `list_left_out`.
+    Raises `AgonicError` where it mixes two magnetometers."""
     one = compose(calibration)
     if "second" in one.needs:
         raise AgonicError(
@@ -141,9 +139,7 @@ def hold_sources(
     calibration: Calibration, kept: Collection[str] = ()
 ) -> tuple[Calibration, tuple[str, ...]]:
     """The calibration for a target that has a term for one of the sources `kept`, and warnings.
-
-    Others, or several, are held at their average in the log, or at zero where that is not known.
-    """
+    Others, or several, are held at their average in the log, or at zero where that is not known."""
     steps = steps_of(calibration)
     sources = [n for step in steps if isinstance(step, Interference) for n in step.sources]
     untimed = (parse_source(one)._replace(late_s=0.0, time_constant_s=0.0) for one in sources)

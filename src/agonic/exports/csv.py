@@ -1,18 +1,18 @@
-"""Samples as a text table under the canonical names, which `read` reads back to the last digit."""
+"""Samples as a table under the canonical names, which `read` reads back to the last digit."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
 from datetime import UTC
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from agonic.atomic import write_atomically
-from agonic.errors import AgonicError
+from agonic.errors import AgonicError, MissingExtraError
 from agonic.logs.headers.quantities import canonical_header
 from agonic.samples import Samples
 from agonic.usable_rows import VECTORS
@@ -117,3 +117,15 @@ def write_table(table: Mapping[str, Sequence[object]], path: Path | str) -> Path
     writer.writerow(table)
     writer.writerows(zip(*table.values(), strict=True))
     return write_atomically(path, stream.getvalue())
+
+
+def make_parquet(table: Mapping[str, Any]) -> bytes:
+    """Columns by header, numbers or texts, as the bytes of a Parquet file, compressed."""
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        raise MissingExtraError("writing a Parquet file", "tables") from None
+    stream = BytesIO()
+    parquet.write_table(pa.table(dict(table)), stream, compression="zstd")
+    return stream.getvalue()

@@ -11,7 +11,6 @@ Source: MathWorks, `magcal` (Sensor Fusion and Tracking Toolbox).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ from agonic.exports.temperature import (
     hold_temperature,
 )
 
-HEADER = 116  # bytes of free text at the start of a MAT-file, version 5
+HEADER_BYTES = 116  # bytes of free text at the start of a MAT-file, version 5
 FORMULA = "C = (D - b) * A, a reading a row"
 OVER_TEMPERATURE = (
     f"{FORMULA}, at temperature_C; at others b = sum of b_T(k,:) x^(k-1) + rate dT/dt, A = sum of "
@@ -83,7 +82,12 @@ def write_matlab(
             write_banner(calibration, OVER_TEMPERATURE if warm else FORMULA, warnings)
         ),
     }
-    written = write_atomically(path, _without_clock(variables))
+    stream, text = BytesIO(), f"MATLAB 5.0 MAT-file, magnetometer calibration, {FORMULA}"
+    savemat(stream, variables)  # type: ignore[arg-type]  # the stubs know names only
+    # the free text at its head would hold the time of writing
+    written = write_atomically(
+        path, text.encode("ascii").ljust(HEADER_BYTES) + stream.getvalue()[HEADER_BYTES:]
+    )
     return Export(path=written, target="matlab", warnings=warnings)
 
 
@@ -100,11 +104,3 @@ def _over_temperature(calibration: Calibration) -> dict[str, Array | float]:
         "half_range_C": found.half_range_C,
         "range_C": np.array([[found.low_C, found.high_C]]),
     }
-
-
-def _without_clock(variables: Mapping[str, Any]) -> bytes:
-    """The bytes of a MAT-file whose free text does not hold the time of writing."""
-    stream = BytesIO()
-    savemat(stream, dict(variables))  # type: ignore[arg-type]  # the stubs know names only
-    text = f"MATLAB 5.0 MAT-file, magnetometer calibration, {FORMULA}"
-    return text.encode("ascii").ljust(HEADER) + stream.getvalue()[HEADER:]

@@ -26,9 +26,9 @@ from agonic.exports.temperature import hold_temperature
 from agonic.units import NANOTESLA_PER, RAW
 
 SIGNATURE = b"\x75\x54"
-LENGTH = 68
-COUNT = 100.0  # nT, UT_PER_COUNT of rawdata.c
-USUAL_FIELD = 50.0  # µT, MotionCal's own default for B
+PACKET_BYTES = 68
+COUNT_NT = 100.0  # nT, UT_PER_COUNT of rawdata.c
+FIELD_UT = 50.0  # µT, MotionCal's own default for B
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,10 +76,10 @@ def make_packet(calibration: Calibration) -> tuple[Packet, tuple[str, ...]]:
     magnitude = find_magnitude(calibration)
     if magnitude is None:
         warnings += (
-            f"the field magnitude is not known: {USUAL_FIELD:.0f} uT was written for B, which only "
+            f"the field magnitude is not known: {FIELD_UT:.0f} uT was written for B, which only "
             "serves the device to notice disturbed readings",
         )
-        field = USUAL_FIELD
+        field = FIELD_UT
     else:
         field = magnitude / NANOTESLA_PER["uT"]
     offset = tuple((bias / NANOTESLA_PER["uT"]).tolist())
@@ -93,12 +93,12 @@ def _convert_counts(calibration: Calibration) -> tuple[Calibration, tuple[str, .
         return calibration, ()
     gain = float(np.trace(calibration.matrix)) / 3
     said = (
-        f"counts were taken for tenths of a microtesla ({COUNT:.0f} nT), as MotionCal takes those "
-        f"that a board sends it; by the field one is {gain:.3g} nT"
+        f"counts were taken for tenths of a microtesla ({COUNT_NT:.0f} nT), as MotionCal takes "
+        f"those that a board sends it; by the field one is {gain:.3g} nT"
     )
     made = Affine(
-        bias=COUNT * calibration.bias,
-        matrix=calibration.matrix / COUNT,
+        bias=COUNT_NT * calibration.bias,
+        matrix=calibration.matrix / COUNT_NT,
         magnitude=calibration.magnitude,
         frame_in=calibration.frame_in,
         frame_out=calibration.frame_out,

@@ -28,6 +28,7 @@ from numpy.polynomial.chebyshev import chebpts1
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
+from agonic.calibration.autopilots import PX4
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError
 from agonic.exports.banner import format_float32, write_banner
@@ -55,13 +56,14 @@ from agonic.units import NANOTESLA_PER
 THERMAL = "TC_M_ENABLE"
 STEP_C = 1.0
 """PX4 renews the offset where the temperature has changed by more than this."""
-ORDERS = np.array([[1.0], [2.0], [3.0]])
+CUBIC_ORDERS = np.array([[1.0], [2.0], [3.0]])
 
 
 def compute_thermal_parameters(
     calibration: Calibration, at: float, into: Array, *, slot: int
 ) -> tuple[dict[str, float | int], tuple[str, ...]]:
     """TC_M_ENABLE and TC_Mn_* but for the ID, and what they leave in the field."""
+    require_within(calibration, at)
     cubic = _fit_cubic(calibration, at)
     terms = np.vstack([np.zeros(3), cubic @ into.T]) / NANOTESLA_PER["G"]
     values = (*terms.ravel().tolist(), at, *find_range_C(calibration))
@@ -82,15 +84,15 @@ def _fit_cubic(calibration: Calibration, at: float) -> Array:
     d = (low + high) / 2 + (high - low) / 2 * chebpts1(48) - at
     moved = evaluate_affine(calibration, at + d)[0] - evaluate_affine(calibration, at)[0]
     reach = max(high - at, at - low, STEP_C)  # scaled for the conditioning
-    found = np.linalg.lstsq((d / reach)[:, None] ** ORDERS.T, moved, rcond=None)[0]
-    return np.asarray(found / reach**ORDERS)
+    found = np.linalg.lstsq((d / reach)[:, None] ** CUBIC_ORDERS.T, moved, rcond=None)[0]
+    return np.asarray(found / reach**CUBIC_ORDERS)
 
 
 def _describe_lost(calibration: Calibration, at: float, cubic: Array) -> tuple[str, ...]:
     """What PX4 cannot hold of a calibration over temperature, in numbers."""
     start, _, _ = evaluate_affine(calibration, at)
     left = compute_remainder(
-        calibration, at, bias_at=lambda t: start + (t[:, None] - at) ** ORDERS.T @ cubic
+        calibration, at, bias_at=lambda t: start + (t[:, None] - at) ** CUBIC_ORDERS.T @ cubic
     )
     return (
         f"PX4 holds the matrix of one temperature, here {at:.4g} C, and a cubic for the bias: "
@@ -120,11 +122,10 @@ def _stale(calibration: Calibration) -> float:
 DEAD_BAND = 0.01
 """A change (length of the vector) that PX4 does not take over: gauss for OFF, else a number."""
 
-SCALE = (0.1, 3.0)  # limits of CAL_MAGn_*SCALE in src/modules/sensors/module.yaml
+SCALE_LIMITS = (0.1, 3.0)  # limits of CAL_MAGn_*SCALE in src/modules/sensors/module.yaml
 POWER = "CAL_MAG_COMP_TYP"
-POWER_KIND = {"throttle": 1, "current_A": 2, "battery2_A": 3}  # CAL_MAG_COMP_TYP
-AMPERES = {1: 1.0, 2: 1000.0, 3: 1000.0}  # x per unit of P
-INT32, FLOAT = 6, 9  # MAV_PARAM_TYPE
+POWER_KIND = {"throttle": (1, 1.0), "current_A": (2, 1000.0), "battery2_A": (3, 1000.0)}
+"""Of what PX4 takes as P the value of `POWER`, and how much of it is a unit of P."""
 
 
 def write_px4(
@@ -197,6 +198,8 @@ def compute_px4_parameters(
     temperature_C: float | None = None,
 ) -> tuple[dict[str, float | int], tuple[str, ...]]:
     """The parameters by name, and warnings."""
+    if slot not in range(4):
+        raise AgonicError(f"slot is 0 to 3 in PX4, not {slot}")
     turn_bm, angles = find_turn_inside(calibration, rotation_bm)
     oriented: dict[str, float | int] = {}
     if angles is not None and rotation is None:
@@ -211,66 +214,59 @@ def compute_px4_parameters(
         if temperature_C is None:  # the middle of the range
             low, high = find_range_C(calibration)
             temperature_C = float(np.clip(round((low + high) / 2, 1), low, high))
-        require_within(calibration, temperature_C)
         into, _, _ = find_turns(calibration, "m", rotation_bm)
-        thermal, lost = compute_thermal_parameters(
-            calibration, float(temperature_C), into, slot=slot
-        )
+        thermal, lost = compute_thermal_parameters(calibration, temperature_C, into, slot=slot)
     calibration, _ = hold_temperature(calibration, temperature_C)
     calibration, held = hold_sources(calibration, POWER_KIND)
     bias, six, warnings = take_symmetric(calibration, "m", unit="gauss", rotation_bm=rotation_bm)
     warnings += held
     offset = bias / NANOTESLA_PER["G"]
     parameters: dict[str, float | int] = {}
-    if device_id is not None:
+    unnamed: tuple[str, ...] = ()
+    if device_id is None:
+        which = f"CAL_MAG{slot}_ID is" if not thermal else f"CAL_MAG{slot}_ID and TC_M{slot}_ID are"
+        unnamed = (
+            f"PX4 ignores slot {slot} unless {which} the sensor's device id: give device_id "
+            "(sensor_mag.device_id in the log)",
+        )
+    else:
         parameters[f"CAL_MAG{slot}_ID"] = _as_int32(int(device_id))
         if thermal:
             thermal[f"TC_M{slot}_ID"] = parameters[f"CAL_MAG{slot}_ID"]
     if rotation is not None:
         parameters[f"CAL_MAG{slot}_ROT"] = int(rotation)
     parameters |= oriented
-    parameters |= dict(zip(px4_names(slot), map(float, (*offset, *six)), strict=True))
-    term = find_source_term(calibration, "m", rotation_bm=rotation_bm)
-    if term is not None:
-        source, added = term
-        kind = POWER_KIND[source]
-        comp = -added * AMPERES[kind] / NANOTESLA_PER["G"]
-        parameters |= dict(zip(power_names(slot), comp.tolist(), strict=True))
-        parameters[POWER] = kind
-        warnings += (
-            f"{POWER} {kind} holds for all magnetometers of the vehicle"
-            + (" and means battery 1; set 3 where battery 2 was recorded" if kind == 2 else "")
-            + ". PX4 compensates while armed only",
-        )
-    if device_id is None:
-        which = f"CAL_MAG{slot}_ID is" if not thermal else f"CAL_MAG{slot}_ID and TC_M{slot}_ID are"
-        warnings += (
-            f"PX4 ignores slot {slot} unless {which} the sensor's device id: give device_id "
-            "(sensor_mag.device_id in the log)",
-        )
-    advice = (
-        "set SENS_MAG_AUTOCAL 0, else PX4 changes these offsets after each flight by its own "
-        "estimate",
+    parameters |= dict(
+        zip(PX4.names(slot + 1, *PX4.parts[:3]), map(float, (*offset, *six)), strict=True)
     )
-    return parameters | thermal, (*warnings, *lost, *_remarks(offset, six), *advice)
+    power, said = _compute_power(calibration, rotation_bm, slot)
+    parameters |= power | thermal
+    return parameters, (*warnings, *said, *unnamed, *lost, *_remarks(offset, six))
 
 
-def px4_names(slot: int) -> list[str]:
-    """OFF x y z, SCALE x y z, ODIAG x y z (= xy, xz, yz)."""
-    if slot not in range(4):
-        raise AgonicError(f"slot is 0 to 3 in PX4, not {slot}")
-    kinds = ("OFF", "SCALE", "ODIAG")
-    return [f"CAL_MAG{slot}_{axis}{kind}" for kind in kinds for axis in "XYZ"]
-
-
-def power_names(slot: int) -> list[str]:
-    return [f"CAL_MAG{slot}_{axis}COMP" for axis in "XYZ"]
+def _compute_power(
+    calibration: Calibration, rotation_bm: Rotation | None, slot: int
+) -> tuple[dict[str, float | int], tuple[str, ...]]:
+    """What takes out the field of a current or the throttle, and what to know of it."""
+    term = find_source_term(calibration, "m", rotation_bm=rotation_bm)
+    if term is None:
+        return {}, ()
+    source, added = term
+    kind, unit = POWER_KIND[source]
+    comp = -added * unit / NANOTESLA_PER["G"]
+    warning = (
+        f"{POWER} {kind} holds for all magnetometers of the vehicle"
+        + (" and means battery 1; set 3 where battery 2 was recorded" if kind == 2 else "")
+        + ". PX4 compensates while armed only"
+    )
+    named = zip(PX4.names(slot + 1, "COMP"), comp.tolist(), strict=True)
+    return {**dict(named), POWER: kind}, (warning,)
 
 
 def _row(name: str, value: float | int) -> str:
     if isinstance(value, int):
-        return f"1\t1\t{name}\t{value}\t{INT32}"
-    return f"1\t1\t{name}\t{format_float32(value)}\t{FLOAT}"
+        return f"1\t1\t{name}\t{value}\t6"  # MAV_PARAM_TYPE
+    return f"1\t1\t{name}\t{format_float32(value)}\t9"
 
 
 def _as_int32(device_id: int) -> int:
@@ -292,10 +288,14 @@ def _remarks(offset: Array, six: Array) -> list[str]:
                 f"the {what} correction of {length:.4f}{unit} is below the {DEAD_BAND}{unit} that "
                 "PX4 needs to take it over after a start: it may be ignored"
             )
-    smallest, largest = SCALE
+    smallest, largest = SCALE_LIMITS
     if six[:3].min() < smallest or six[:3].max() > largest:
         remarks.append(
             f"a scale outside {smallest} to {largest} is beyond PX4's limits; check the sensor's "
             "unit"
         )
-    return remarks
+    return [
+        *remarks,
+        "set SENS_MAG_AUTOCAL 0, else PX4 changes these offsets after each flight by its own "
+        "estimate",
+    ]

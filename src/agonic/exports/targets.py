@@ -10,8 +10,10 @@ import re
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, check_choice
 from agonic.logs.formats import load_installed
 
@@ -22,10 +24,8 @@ if TYPE_CHECKING:
 
 class Target(NamedTuple):
     """A program: its writer (`module:function`), the ending of its files, what it is told.
-
     `options` makes keywords of the writer from the number of the compass, from 1, and the device
-    id; `thermal` says that the target follows the temperature by itself.
-    """
+    id; `thermal` says that the target follows the temperature by itself."""
 
     writer: str
     suffix: str
@@ -59,11 +59,11 @@ TARGETS: dict[str, Target] = {
     "mr": Target("table:write_mr", ".csv"),
 }
 
-USE: Mapping[str, tuple[str, str, str]] = {
-    "ardupilot": ("COMPASS_USE{}", "1", "0"),
-    "px4": ("CAL_MAG{}_PRIO", "50", "0"),
+USE: Mapping[str, Callable[[int, bool], str]] = {
+    "ardupilot": lambda number, used: f"COMPASS_USE{number if number > 1 else ''},{int(used)}",
+    "px4": lambda number, used: f"1\t1\tCAL_MAG{number - 1}_PRIO\t{50 if used else 0}\t6",
 }
-"""Of each autopilot the parameter that has a compass used, with the values for yes and no."""
+"""Of each autopilot the row that has the compass of a number, from 1, used or not."""
 
 
 EXPORTS = "agonic.exports"
@@ -128,6 +128,31 @@ def write(
             raise AgonicError(f"{target} has no identifiers to name {name}; --name is for c")
         options["name"] = name
     return into.write(calibration, path, temperature_C=temperature_C, **options)
+
+
+def write_vehicle(
+    target: str,
+    calibrations: Mapping[str, Calibration],
+    path: Path | str,
+    *,
+    unused: tuple[str, ...] = (),
+) -> Export:
+    """Write the parameters of all compasses of a vehicle into one file, as its autopilot loads it.
+    Source: ArduPilot AP_Compass.cpp; PX4 sensor_calibration/Magnetometer.cpp."""
+    from agonic.exports.convert import Export
+
+    texts, warnings = list[str](), list[str]()
+    with TemporaryDirectory() as folder:
+        for name, calibration in calibrations.items():
+            number = compass_number(name)
+            one = write(target, calibration, Path(folder, "one"), number=number)
+            row = USE[target](number, True)
+            texts.append(f"# {name}\n{one.path.read_text('utf-8')}{row}\n")
+            warnings += [f"{name}: {text}" for text in one.warnings]
+    for name in unused:
+        texts.append(f"# {name}: not calibrated\n{USE[target](compass_number(name), False)}\n")
+    written = write_atomically(path, "\n".join(texts))
+    return Export(path=written, target=target, warnings=tuple(warnings))
 
 
 def compass_number(sensor: str) -> int:

@@ -37,11 +37,11 @@ from agonic.exports.targets import TARGETS, list_words
 from agonic.health.finding import figure
 from agonic.maths.equation import polynomial
 
-HIGHEST = 12
+MAX_DEGREE = 12
 """The highest order that is tried."""
-ROUNDING = 2.0**-26
+MAX_ROUNDING = 2.0**-26
 """What may be left of a number, as a share of the largest of its kind: half of float32's own."""
-NOTHING = 2.0**-40
+MIN_COEFFICIENT = 2.0**-40
 """Coefficients so small beside the largest number of their kind are the rounding of the fit."""
 RATE = "temperature_rate"
 FOREVER_C = 1e4
@@ -50,11 +50,9 @@ FOREVER_C = 1e4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polynomials:
-    """Coefficients of the powers 0, 1, … of x = (T − centre_C) / half_range_C.
-
-    `bias` (p, 3), `matrix` (p, 3, 3), `coefficients` (p, 3, k) of the k `signals`; they hold from
-    `low_C` to `high_C`, and by `MARGIN_C` beyond.
-    """
+    """Coefficients of the powers 0, 1, … of x = (T − centre_C) / half_range_C. `bias` (p, 3),
+    `matrix` (p, 3, 3), `coefficients` (p, 3, k) of the k `signals`; they hold from `low_C` to
+    `high_C`, and by `MARGIN_C` beyond."""
 
     bias: Array
     matrix: Array
@@ -102,11 +100,9 @@ def _range(step: Thermal) -> tuple[float, float]:
 def evaluate_affine(
     calibration: Calibration, temperature_C: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Bias (n, 3), matrix (n, 3, 3) and coefficients (n, 3, k) of signals at temperatures (n,).
-
-    At one temperature every calibration is affine in the reading and the signals, so the readings
-    0, e₁, e₂, e₃ and a unit of each signal tell all of it.
-    """
+    """Bias (n, 3), matrix (n, 3, 3) and coefficients (n, 3, k) of signals at temperatures (n,). At
+    one temperature every calibration is affine in the reading and the signals, so the readings 0,
+    e₁, e₂, e₃ and a unit of each signal tell all of it."""
     temperature = np.atleast_1d(np.asarray(temperature_C, dtype=np.float64))
     n, size = len(temperature), 1e5  # of a usual reading, for the rounding
     sources = [parse_source(name) for name in list_sources(calibration)]
@@ -154,18 +150,18 @@ def fit_polynomials(calibration: Calibration) -> Polynomials:
     low, high = find_range_C(calibration)
     centre, half = _scale(calibration, low, high)
     reach = max((high - low) / 2, 0.0) + MARGIN_C
-    nodes = (low + high) / 2 + reach * chebpts1(4 * HIGHEST)
+    nodes = (low + high) / 2 + reach * chebpts1(4 * MAX_DEGREE)
     values = evaluate_affine(calibration, nodes)
     table = np.concatenate([part.reshape(len(nodes), -1) for part in values], axis=1)
     # the size that the rounding of each number is measured by: the largest of its kind
     sizes = [max(float(np.abs(part).max(initial=0.0)), 1e-12) for part in values]
     largest = np.repeat(sizes, [part[0].size for part in values])
     x = polynomial.scale(nodes, centre, half)
-    for degree in range(HIGHEST + 1):
+    for degree in range(MAX_DEGREE + 1):
         powers = polynomial.powers(x, degree)
         found = np.linalg.lstsq(powers, table, rcond=None)[0]
-        if (np.abs(powers @ found - table).max(axis=0) <= ROUNDING * largest).all():
-            found[np.abs(found) < NOTHING * largest] = 0.0
+        if (np.abs(powers @ found - table).max(axis=0) <= MAX_ROUNDING * largest).all():
+            found[np.abs(found) < MIN_COEFFICIENT * largest] = 0.0
             bias, matrix, rest = np.split(found, [3, 12], axis=1)
             return Polynomials(
                 bias=bias,
@@ -178,8 +174,8 @@ def fit_polynomials(calibration: Calibration) -> Polynomials:
                 high_C=high,
             )
     raise AgonicError(
-        f"no polynomial of order {HIGHEST} follows this calibration over {low:g} to {high:g} °C; "
-        "hold it at a temperature, or fit it again over a shorter range"
+        f"no polynomial of order {MAX_DEGREE} follows this calibration over {low:g} to {high:g} "
+        "°C; hold it at a temperature, or fit it again over a shorter range"
     )
 
 
@@ -208,17 +204,15 @@ def _scale(calibration: Calibration, low: float, high: float) -> tuple[float, fl
 
 LEVELS = 121
 """Temperatures at which the error is looked at."""
-USUAL = 50_000.0
+FIELD_NT = 50_000.0
 """The field where its magnitude is not known, nT."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Remainder:
     """The error of a field over a range of temperatures: over all directions of the field.
-
     `largest` is at `at_C`, `rms` over directions and the range, both in `unit`; `largest_deg` is
-    the angle by which an error so large can turn the field.
-    """
+    the angle by which an error so large can turn the field."""
 
     largest: float
     largest_deg: float
@@ -268,11 +262,9 @@ def compute_remainder(
 def hold_temperature(
     calibration: Calibration, temperature_C: float | None
 ) -> tuple[Calibration, tuple[str, ...]]:
-    """The calibration at one temperature, for a target that holds no other, and what is lost.
-
-    One that does not change with temperature comes back as it is. Raises `AgonicError` where a
-    temperature is needed and missing or the other way round, `ValidityError` outside the range.
-    """
+    """The calibration at one temperature, for a target that holds no other, and what is lost. One
+    that does not change with temperature comes back as it is. Raises `AgonicError` where a
+    temperature is needed and missing or the other way round, `ValidityError` outside the range."""
     known = require_calibration(calibration)
     if not changes_with_temperature(known):
         require_temperature(temperature_C is None, known)
@@ -342,5 +334,5 @@ def _find_largest(turned: Array, shift: Array) -> Array:
 
 def _size(calibration: Calibration, bias: Array, matrix: Array) -> float:
     """The magnitude of the field, in `unit_out`."""
-    unknown = USUAL if calibration.unit_out == "nT" else float(np.linalg.norm(matrix @ bias))
+    unknown = FIELD_NT if calibration.unit_out == "nT" else float(np.linalg.norm(matrix @ bias))
     return find_magnitude(calibration) or unknown or 1.0

@@ -25,11 +25,9 @@ class GaussCoefficients:
 
 
 def read_shc(text: str) -> GaussCoefficients:
-    """The SHC format of the Swarm mission and the IGRF: one column for each epoch.
-
-    After comments, a line of lowest and highest degree and number of epochs, then the epochs, then
-    a line for each coefficient: degree, order (negative for h), and its value at each epoch.
-    """
+    """The SHC format of the Swarm mission and the IGRF: one column for each epoch. After comments,
+    a line of lowest and highest degree and number of epochs, then the epochs, then a line for each
+    coefficient: degree, order (negative for h), and its value at each epoch."""
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     top = int(lines[0].split()[1])
     epochs = np.array(lines[1].split(), dtype=np.float64)
@@ -44,11 +42,9 @@ def read_shc(text: str) -> GaussCoefficients:
 
 
 def read_cof(text: str) -> GaussCoefficients:
-    """The COF format of the World Magnetic Model: one epoch, valid for five years.
-
-    After a line with the epoch, a line for each degree and order: g, h, and their yearly change;
-    a line of nines ends the file.
-    """
+    """The COF format of the World Magnetic Model: one epoch, valid for five years. After a line
+    with the epoch, a line for each degree and order: g, h, and their yearly change; a line of nines
+    ends the file."""
     header, *lines = text.splitlines()
     rows = [line.split() for line in lines if line.strip() and not line.startswith("9999")]
     table = np.array(rows, dtype=np.float64)

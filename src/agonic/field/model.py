@@ -21,9 +21,9 @@ from agonic.samples import Samples
 
 SPACINGS_S = (10.0, 5.0, 2.5, 1.25)
 """Seconds between the nodes of the spline, tried in turn."""
-TOLERANCE = 1e-3
+TOLERANCE_NT = 1e-3
 """Largest difference from the model half-way between nodes, nT."""
-MANY_ROWS = 10_000
+MIN_SPLINED_ROWS = 10_000
 """Fewer are evaluated sooner than a spline is made."""
 
 
@@ -31,13 +31,13 @@ def evaluate_along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
     """A smooth vector (3, n) along a track, evaluated exactly at few rows and splined between them.
 
     Nodes are recorded rows, so no position is interpolated. The spline is compared with the exact
-    value at the row in the middle of every two nodes; where it differs by more than `TOLERANCE`
+    value at the row in the middle of every two nodes; where it differs by more than `TOLERANCE_NT`
     anywhere, nodes come closer, and at last every row is evaluated. A gap in time ends a spline.
 
     Parameters: time (n,) s, increasing; exact, the vector (3, k) at the rows (k,) that it is given,
     in axes that do not turn along the track (Earth-fixed).
     """
-    if len(time) < MANY_ROWS:  # nor are they looked through for gaps
+    if len(time) < MIN_SPLINED_ROWS:  # nor are they looked through for gaps
         return exact(np.arange(len(time)))
     gaps = np.flatnonzero(np.diff(time) > SPACINGS_S[0]) + 1
     vectors = np.empty((3, len(time)))
@@ -56,7 +56,7 @@ def evaluate_along_track(time: Array, exact: Callable[[Index], Array]) -> Array:
 
 def _spline(time: Array, rows: Index, exact: Callable[[Index], Array]) -> Array | None:
     """The vector at rows without a gap, or `None` where a spline is not worth it or not good."""
-    if len(rows) < MANY_ROWS:
+    if len(rows) < MIN_SPLINED_ROWS:
         return None
     from scipy.interpolate import CubicSpline  # slow to load, and few tracks are long
 
@@ -66,7 +66,7 @@ def _spline(time: Array, rows: Index, exact: Callable[[Index], Array]) -> Array 
             return None
         middle = (nodes[1:] + nodes[:-1]) // 2
         spline = CubicSpline(time[nodes], exact(nodes), axis=1)
-        if np.abs(spline(time[middle]) - exact(middle)).max() < TOLERANCE:
+        if np.abs(spline(time[middle]) - exact(middle)).max() < TOLERANCE_NT:
             return np.asarray(spline(time[rows]))
     return None
 
@@ -79,7 +79,7 @@ def _nodes(time: Array, spacing: float) -> Index:
 
 REFERENCE_RADIUS_M = 6_371_200.0
 """The radius a of the expansion, the same in all three models."""
-PIECE = 16_384
+PIECE_ROWS = 16_384
 """Points evaluated together: their intermediate arrays stay in the cache."""
 COMPILE_FROM = 100_000
 """Points from which the compiled kernel is asked for; below, starting the compiler costs more."""
@@ -240,7 +240,7 @@ class Model:
         order = np.argsort(interval, kind="stable")
         ends = np.cumsum(np.bincount(interval, minlength=len(later) + 1))
         for i, rows in enumerate(np.split(order, ends[:-1])):
-            for piece in (rows[k : k + PIECE] for k in range(0, len(rows), PIECE)):
+            for piece in (rows[k : k + PIECE_ROWS] for k in range(0, len(rows), PIECE_ROWS)):
                 first, last = int(piece[0]), int(piece[-1])
                 # Index are in order here: without a hole they are a slice, which needs no copies.
                 yield i, slice(first, last + 1) if last - first < len(piece) else piece

@@ -72,10 +72,8 @@ def describe_missing(samples: Samples) -> str:
 def field_along(
     samples: Samples, date: str | None = None, name: str | None = None
 ) -> Expected | None:
-    """What to expect along a log's own track; None where it has no position or no date.
-
-    One vector where the field hardly varies along the track, else one per sample.
-    """
+    """What to expect along a log's own track; None where it has no position or no date. One vector
+    where the field hardly varies along the track, else one per sample."""
     epoch = parse_date(date) if date else samples.epoch
     if samples.latitude_deg is None or samples.longitude_deg is None or epoch is None:
         return None
@@ -125,10 +123,8 @@ def choose_reference(
     name: str | None = None,
 ) -> tuple[Reference | None, dict[str, Any]]:
     """The reference to calibrate a sensor by, and the settings of the fit that go with the place.
-
     From the magnitude (nT) or the place that was given, or else from the log's own place and date;
-    `name` asks for one of `MODELS`.
-    """
+    `name` asks for one of `MODELS`."""
     if magnitude is not None:
         return Reference.constant(magnitude, source="given"), {}
     if at is not None:

@@ -11,35 +11,6 @@ from agonic.field.coefficients import read_cof, read_shc
 from agonic.field.model import Model
 from agonic.field.worldfield import Uncertainty
 
-WMM_UNCERTAINTY = Uncertainty(
-    north=137.0,
-    east=89.0,
-    down=141.0,
-    declination_deg=(0.26, 5417.0),
-    inclination_deg=0.20,
-    horizontal=133.0,
-    magnitude=138.0,
-    source="WMM2025 technical report, error model (NOAA NCEI and BGS, 2024)",
-)
-WMMHR_UNCERTAINTY = Uncertainty(
-    north=135.0,
-    east=85.0,
-    down=134.0,
-    declination_deg=(0.25, 5205.0),
-    inclination_deg=0.19,
-    horizontal=130.0,
-    magnitude=134.0,
-    source="WMMHR2025 error model (NOAA NCEI and CIRES, 2024)",
-)
-IGRF_UNCERTAINTY = Uncertainty(
-    north=87.0,
-    east=73.0,
-    down=114.0,
-    declination_deg=(0.0, float(np.degrees(np.sqrt((87.0**2 + 73.0**2) / 2.0)))),
-    source="Beggan (2022), 68.3 % intervals of the components, doi 10.1186/s40623-022-01572-y; "
-    "declination from the two horizontal ones",
-)
-
 
 @functools.cache
 def igrf() -> Model:
@@ -56,7 +27,14 @@ def igrf() -> Model:
     return Model.of(
         "IGRF-14",
         read_shc(_text("IGRF14.shc")),
-        IGRF_UNCERTAINTY,
+        Uncertainty(
+            north=87.0,
+            east=73.0,
+            down=114.0,
+            declination_deg=(0.0, float(np.degrees(np.sqrt((87.0**2 + 73.0**2) / 2.0)))),
+            source="Beggan (2022), 68.3 % intervals of the components, "
+            "doi 10.1186/s40623-022-01572-y; declination from the two horizontal ones",
+        ),
         extrapolates_until=2035.0,
     )
 
@@ -70,7 +48,20 @@ def wmm() -> Model:
     >>> round(float(wmm().at(0.0, 0.0, 0.0, "2026-01-01").magnitude), 1)
     31813.1
     """
-    return Model.of("WMM2025", read_cof(_text("WMM2025.COF")), WMM_UNCERTAINTY)
+    return Model.of(
+        "WMM2025",
+        read_cof(_text("WMM2025.COF")),
+        Uncertainty(
+            north=137.0,
+            east=89.0,
+            down=141.0,
+            declination_deg=(0.26, 5417.0),
+            inclination_deg=0.20,
+            horizontal=133.0,
+            magnitude=138.0,
+            source="WMM2025 technical report, error model (NOAA NCEI and BGS, 2024)",
+        ),
+    )
 
 
 @functools.cache
@@ -84,7 +75,20 @@ def wmmhr() -> Model:
     >>> round(float(wmmhr().at(0.0, 0.0, 0.0, "2026-01-01").magnitude), 1)
     31806.2
     """
-    return Model.of("WMMHR2025", read_cof(_text("WMMHR2025.COF")), WMMHR_UNCERTAINTY)
+    return Model.of(
+        "WMMHR2025",
+        read_cof(_text("WMMHR2025.COF")),
+        Uncertainty(
+            north=135.0,
+            east=85.0,
+            down=134.0,
+            declination_deg=(0.25, 5205.0),
+            inclination_deg=0.19,
+            horizontal=130.0,
+            magnitude=134.0,
+            source="WMMHR2025 error model (NOAA NCEI and CIRES, 2024)",
+        ),
+    )
 
 
 def _text(name: str) -> str:

@@ -49,11 +49,9 @@ class Uncertainty:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorldField:
-    """The geomagnetic field of `model` at places and times.
-
-    `field_n` (…, 3) north, east, down, nT, and `secular_variation` (…, 3) its change, nT/year;
-    the leading axes are those of the places and times asked for. Every property has their shape.
-    """
+    """The geomagnetic field of `model` at places and times. `field_n` (…, 3) north, east, down, nT,
+    and `secular_variation` (…, 3) its change, nT/year; the leading axes are those of the places and
+    times asked for. Every property has their shape."""
 
     field_n: Array
     secular_variation: Array
@@ -106,10 +104,8 @@ class WorldField:
         return {name: getattr(self, name) for name in ELEMENTS}
 
     def elements_per_year(self) -> dict[str, Array]:
-        """The yearly change of the seven elements, by name, nT/year and degrees/year.
-
-        Ḣ = (X Ẋ + Y Ẏ)/H, Ḟ = (H Ḣ + Z Ż)/F, Ḋ = (X Ẏ − Y Ẋ)/H², İ = (H Ż − Z Ḣ)/F².
-        """
+        """The yearly change of the seven elements, by name, nT/year and degrees/year. Ḣ = (X Ẋ + Y
+        Ẏ)/H, Ḟ = (H Ḣ + Z Ż)/F, Ḋ = (X Ẏ − Y Ẋ)/H², İ = (H Ż − Z Ḣ)/F²."""
         x, y, z = self.north, self.east, self.down
         dx, dy, dz = np.moveaxis(self.secular_variation, -1, 0)
         h, f = self.horizontal, self.magnitude

@@ -65,13 +65,8 @@ CONVENTIONS: Mapping[str, Convention] = {
     for before, behind, shape in _SHAPES
 }
 """Ways to use a vector b and a matrix A, as bias and matrix of field = matrix @ (raw − bias)."""
-ALIKE = 1.02
+ALIKE_SPREADS = 1.02
 """Spreads of two ways that differ by less are of the same calibration."""
-HELPS, STEADY = 0.5, 0.03
-"""Of the spread as recorded, what a calibration of this sensor leaves at most; or so much of the
-field."""
-WORSE = 1.5
-"""Another way leaves so much more, or the log does not tell which is meant."""
 
 
 class Understood(NamedTuple):
@@ -89,7 +84,7 @@ def understand(path: Path, samples: Samples) -> Understood:
     tried = sorted(_try_all(read_foreign(path), samples), key=lambda one: one[0])
     spread, affine, how = tried[0]
     before = _find_spread(samples.field)
-    if not spread < max(HELPS * before, STEADY):
+    if not spread < max(0.5 * before, 0.03):
         raise LogError(
             f"this calibration does not fit {samples.name} in any of the ways that were tried: "
             f"the magnitude varies by {100 * spread:.1f} %, as recorded by {100 * before:.1f} %; "
@@ -99,7 +94,7 @@ def understand(path: Path, samples: Samples) -> Understood:
     others = [s for s, other, _ in tried[1:] if not _is_same(affine, other)]
     left = f"the magnitude varies by {100 * spread:.2g} % with it, by {100 * before:.2g} % without"
     nearest = min(others, default=float("inf"))
-    if nearest < WORSE * spread:
+    if nearest < 1.5 * spread:
         left += f"; another reading of it leaves {100 * nearest:.2g} %: hardly different"
     made = _make_provenance(path, read_bytes(path), f"{how}; {left}")
     found = Affine(
@@ -175,6 +170,6 @@ def _find_spread(field: Array) -> float:
 
 def _is_same(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
     size = float(np.abs(one[1]).max())
-    near = np.abs(one[1] - other[1]).max() < (ALIKE - 1) * size
+    near = np.abs(one[1] - other[1]).max() < (ALIKE_SPREADS - 1) * size
     reach = max(float(np.abs(one[0]).max()), 1e-300)
-    return bool(near and np.abs(one[0] - other[0]).max() < (ALIKE - 1) * reach)
+    return bool(near and np.abs(one[0] - other[0]).max() < (ALIKE_SPREADS - 1) * reach)

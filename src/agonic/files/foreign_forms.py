@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.calibration.autopilots import ARDUPILOT, PX4
 from agonic.errors import LogError
 from agonic.logs.ardupilot.compass import LARGEST_SCALE
 from agonic.logs.contents import read_bytes
@@ -30,16 +31,6 @@ _TOKEN = re.compile(
 )
 """A number, of C or not, or a word with its indices, which are no numbers."""
 _INDEX = re.compile(r"[\W\d_]*[xyzXYZ]{0,2}[\W\d_]*$")
-
-
-_PARAMETERS = (
-    ("ArduPilot, compass {number}", "COMPASS_{part}{slot}_{axis}", ("OFS", "DIA", "ODI", "MOT"),
-     ("", "2", "3"), "mG", "A (raw + b)"),
-    ("PX4, CAL_MAG{slot}", "CAL_MAG{slot}_{axis}{part}", ("OFF", "SCALE", "ODIAG", "COMP"),
-     ("0", "1", "2", "3"), "G", "A (raw − b)"),
-)  # fmt: skip
-"""Of each autopilot its name, its parameters' names, what they are of and for which compasses, the
-unit of an offset and the convention; AP_Compass_Backend.cpp, PX4 Magnetometer.hpp."""
 
 
 class Foreign(NamedTuple):
@@ -152,22 +143,21 @@ def _read_parameters(data: bytes) -> list[Foreign]:
                 except ValueError:
                     continue
     found = []
-    for what, name, parts, slots, unit, convention in _PARAMETERS:
-        for number, slot in enumerate(slots, start=1):
-            said = {"slot": slot, "number": number}
-            rows = [[name.format(part=p, axis=a, **said) for a in "XYZ"] for p in parts]
+    for pilot, what in ((ARDUPILOT, "ArduPilot, compass {number}"), (PX4, "PX4, CAL_MAG{slot}")):
+        for number, slot in enumerate(pilot.slots, start=1):
             offset, diagonal, beside, motor = (
-                np.array([named.get(one, 0.0) for one in row]) for row in rows
+                np.array([named.get(one, 0.0) for one in pilot.names(number, part)])
+                for part in pilot.parts
             )
             if not offset.any():
                 continue
-            scale = named.get(f"COMPASS_SCALE{slot}", 1.0) if unit == "mG" else 1.0
+            scale = named.get(f"COMPASS_SCALE{slot}", 1.0) if pilot is ARDUPILOT else 1.0
             scale = scale if 1 / LARGEST_SCALE <= scale <= LARGEST_SCALE else 1.0
             diagonal = diagonal if diagonal.any() else np.ones(3)
             matrix = scale * unpack_symmetric(np.r_[diagonal, beside])
-            left = f" without its {parts[-1]}" * bool(motor.any())
-            read = what.format(**said) + left
-            found.append(Foreign(read, offset, matrix, unit, convention, number))
+            left = f" without its {pilot.parts[-1]}" * bool(motor.any())
+            read = what.format(slot=slot, number=number) + left
+            found.append(Foreign(read, offset, matrix, pilot.unit, pilot.convention, number))
     return found
 
 

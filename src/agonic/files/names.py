@@ -17,11 +17,9 @@ _LONGEST = 80
 
 
 def file_stem(sensor: str) -> str:
-    """A sensor's name as part of a file name; distinct names give distinct parts.
-
-    Letters, digits, "-" and "_" stay. Where others had to be replaced, a digest of the name
-    follows, but for the numbered topics of PX4.
-    """
+    """A sensor's name as part of a file name; distinct names give distinct parts. Letters, digits,
+    "-" and "_" stay. Where others had to be replaced, a digest of the name follows, but for the
+    numbered topics of PX4."""
     if topic := _INSTANCE.fullmatch(sensor):
         return f"{topic[1]}_{topic[2]}"
     kept = re.sub(r"[^A-Za-z0-9_-]", "_", sensor)

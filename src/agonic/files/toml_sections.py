@@ -24,10 +24,8 @@ Made = TypeVar("Made")
 
 
 def read_toml(path: Path, needed: str = "a description in TOML is needed") -> dict[str, Any]:
-    """The tables of a TOML file, or a `LogError` that says why there are none.
-
-    `needed` says what the file should be.
-    """
+    """The tables of a TOML file, or a `LogError` that says why there are none. `needed` says what
+    the file should be."""
     data = read_bytes(path)
     try:
         return tomllib.loads(data.decode())
@@ -40,11 +38,9 @@ def read_toml(path: Path, needed: str = "a description in TOML is needed") -> di
 def read_section(
     table: Any, kind: type[Any], where: str, mistakes: list[str], beside: Sequence[str] = ()
 ) -> Any:
-    """A section as it should be, or `None` with every mistake in it noted.
-
-    `kind` is a `Struct` or a dataclass; `beside` are the sections that may stand in the same
-    place, for the list of what is known.
-    """
+    """A section as it should be, or `None` with every mistake in it noted. `kind` is a `Struct` or
+    a dataclass; `beside` are the sections that may stand in the same place, for the list of what is
+    known."""
     if table is None:
         return None
     if not isinstance(table, Mapping):

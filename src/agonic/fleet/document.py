@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from agonic.fleet.settings import FleetRun
 
 MOST_GROUPS = 4
-NAMED = 8
+MAX_NAMED = 8
 """Of the sensors unlike the others, how many are named."""
-REASONS = 5
+MAX_REASONS = 5
 """How many reasons are told to people; programs are told all."""
 _SHOWN = ("bias", "axes")  # quantities that a figure of biases shows
 
@@ -35,10 +35,8 @@ _SHOWN = ("bias", "axes")  # quantities that a figure of biases shows
 def describe_population(
     population: Population, *, title: str, outliers: Sequence[Outlier] | None = None
 ) -> Document:
-    """The calibrations of many sensors as a page to look at and to search.
-
-    Its page is dark and light, and has the same bytes for the same rows.
-    """
+    """The calibrations of many sensors as a page to look at and to search. Its page is dark and
+    light, and has the same bytes for the same rows."""
     found = find_outliers(population) if outliers is None else outliers
     groups, same = find_peers(population), find_duplicates(population)
     notes = tables.collect_notes(found)
@@ -48,6 +46,8 @@ def describe_population(
     shares = markup(figures.draw_verdicts(verdicts), tables.describe_verdicts(verdicts))
     drawn = enumerate(groups[:MOST_GROUPS])
     rows = embed_rows(population, belongs, notes, noted)
+    none = f"{count(len(population), 'calibration')} to search, sort and select with JavaScript on."
+    table = element("div", element("p", none, class_="script-off"), id="browse")
     return Document(
         kind="Calibrations of many magnetometers",
         name=title,
@@ -59,7 +59,7 @@ def describe_population(
             *(describe_group(g, k, np.flatnonzero(belongs == k), noted == 2) for k, g in drawn),
             Section("", [_list_others(groups[MOST_GROUPS:])]),
             *([Section("Duplicates", [tables.list_duplicates(same)])] if same else []),
-            Section("All calibrations", [_place_table(population), rows]),
+            Section("All calibrations", [table, rows]),
         ],
         styles=["fleet.css"],
         scripts=["fleet_rows.js", "fleet_table.js", "fleet_figures.js", "fleet.js"],
@@ -119,8 +119,8 @@ def _describe_work(run: FleetRun) -> str:
 def _list_reasons(reasons: Sequence[tuple[str, int]]) -> list[Section]:
     if not reasons:
         return []
-    lines = [f"{rows:>6}  {reason}" for reason, rows in reasons[:REASONS]]
-    others = sum(rows for _, rows in reasons[REASONS:])
+    lines = [f"{rows:>6}  {reason}" for reason, rows in reasons[:MAX_REASONS]]
+    others = sum(rows for _, rows in reasons[MAX_REASONS:])
     lines += [f"{others:>6}  other reasons"] if others else []
     return [Section("Not good, because of", lines, printed=True)]
 
@@ -129,8 +129,10 @@ def _list_unusual(run: FleetRun) -> list[Section]:
     sensors = sorted({outlier.sensor for outlier in run.outliers})
     lines = []
     if sensors:
-        more = len(sensors) - NAMED
-        names = ", ".join(sensors[:NAMED]) + (f" and {group_digits(more)} more" if more > 0 else "")
+        more = len(sensors) - MAX_NAMED
+        names = ", ".join(sensors[:MAX_NAMED]) + (
+            f" and {group_digits(more)} more" if more > 0 else ""
+        )
         lines.append(f"{count(len(sensors), 'sensor')} unlike the others: {names}")
     if run.duplicates:
         lines.append(f"{count(len(run.duplicates), 'log')} more than once")
@@ -169,9 +171,3 @@ def _list_others(groups: Sequence[Peers]) -> Markup:
         return Markup("")
     said = "; ".join(f"{group.name}: {count(len(group), 'sensor')}" for group in groups)
     return element("p", f"Not drawn, because they are few: {said}.", class_="aside")
-
-
-def _place_table(population: Population) -> Markup:
-    """Where the page's script puts its table; without it, where the rows are."""
-    none = f"{count(len(population), 'calibration')} to search, sort and select with JavaScript on."
-    return element("div", element("p", none, class_="script-off"), id="browse")

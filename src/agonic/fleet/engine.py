@@ -74,11 +74,9 @@ class Here:
 
 @dataclass(frozen=True, slots=True)
 class Processes:
-    """Child processes of this machine: `workers` of them, or one for each processor.
-
-    A task that ends its process is tried once more; one that takes longer than `longest_s` seconds
-    is stopped. Both come back as `Lost`, and the others are not concerned.
-    """
+    """Child processes of this machine: `workers` of them, or one for each processor. A task that
+    ends its process is tried once more; one that takes longer than `longest_s` seconds is stopped.
+    Both come back as `Lost`, and the others are not concerned."""
 
     workers: int | None = None
     longest_s: float = LONGEST_S
@@ -137,7 +135,7 @@ def count_processors() -> int:
     return os.cpu_count() or 1
 
 
-SECONDS = 30
+ANSWER_S = 30
 """How long a scheduler and its workers may take to answer at first."""
 
 
@@ -169,11 +167,13 @@ class Dask:
     def run(self, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[tuple[T, R | Lost]]:
         """As `Engine.run`."""
         distributed = _import_distributed()
+        waiting = iter(tasks)
+        batches = iter(lambda: list(islice(waiting, self.batch)), [])
         with _silence_dask(), self._client(distributed) as client:
             for batch, answers in _submit_batches(
                 client,
                 partial(_answer_batch, function, self.longest_s),
-                _make_batches(iter(tasks), self.batch),
+                batches,
                 3 * _count_threads(client),
             ):
                 yield from zip(batch, answers or repeat(Lost()), strict=bool(answers))
@@ -192,7 +192,7 @@ class Dask:
         try:
             client = distributed.Client(
                 self.scheduler,
-                timeout=SECONDS,
+                timeout=ANSWER_S,
                 set_as_default=False,
                 security=distributed.Security(**self.security) if self.security else None,
             )
@@ -247,10 +247,6 @@ def _start_cluster(distributed: Any, workers: int) -> Iterator[Any]:
                 cluster.close()
 
 
-def _make_batches(tasks: Iterator[T], size: int) -> Iterator[list[T]]:
-    return iter(lambda: list(islice(tasks, size)), [])
-
-
 def _submit_batches(
     client: Any, function: Callable[[list[T]], R], batches: Iterator[list[T]], most: int
 ) -> Iterator[tuple[list[T], R | None]]:
@@ -296,7 +292,7 @@ def _answer_batch(function: Callable[[T], R], longest_s: float, batch: list[T]) 
 def _count_threads(client: Any) -> int:
     """How many tasks the cluster works on at a time; its workers must be of one mind with us."""
     try:
-        client.wait_for_workers(1, timeout=SECONDS)
+        client.wait_for_workers(1, timeout=ANSWER_S)
         versions = set(client.run(_get_version).values())
     except TimeoutError:
         raise AgonicError("the scheduler has no workers; start some with `dask worker`") from None

@@ -20,10 +20,8 @@ MOST_DOTS = 1500
 
 
 def make_axis(values: Array, label: str, beyond: float = 1.5) -> Axis:
-    """An axis over the bulk of the values: a few that lie far out do not squeeze the others.
-
-    It goes no further than `beyond` times the width of the inner eight tenths past them.
-    """
+    """An axis over the bulk of the values: a few that lie far out do not squeeze the others. It
+    goes no further than `beyond` times the width of the inner eight tenths past them."""
     low, first, last, high = np.percentile(values, (0, 10, 90, 100))
     wide = max(last - first, 1e-3 * max(abs(first), abs(last)), 1e-12)
     low, high = max(low, first - beyond * wide), min(high, last + beyond * wide)
@@ -39,11 +37,9 @@ def draw_histogram(
     usual: tuple[float, float] | None,
     size: float = 1.0,
 ) -> Markup:
-    """How often each value occurs; what lies beyond the axis is in its outermost bars.
-
-    Values are `size` times those of the column. `usual` are centre and spread of the population:
-    a line, and a band of one spread to each side.
-    """
+    """How often each value occurs; what lies beyond the axis is in its outermost bars. Values are
+    `size` times those of the column. `usual` are centre and spread of the population: a line, and a
+    band of one spread to each side."""
     x = make_axis(values, label)
     counts, edges = np.histogram(np.clip(values, x.low, x.high), BINS, (x.low, x.high))
     y = Axis("calibrations", 0.0, 1.06 * float(max(counts.max(), 3)))  # whole numbers beside it
@@ -88,8 +84,9 @@ def draw_scatter(
 def draw_biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) -> Markup:
     """Bias x against y and z against y, on axes of the same length."""
     axes = [make_axis(bias[:, k], f"bias {name}, {unit}", 4.0) for k, name in enumerate("xyz")]
-    widest = max(axis.high - axis.low for axis in axes)
-    x, y, z = (_widen(axis, widest) for axis in axes)
+    half = max(axis.high - axis.low for axis in axes) / 2
+    middles = [(axis.low + axis.high) / 2 for axis in axes]
+    x, y, z = (Axis(a.label, m - half, m + half) for a, m in zip(axes, middles, strict=True))
     outside = np.zeros(len(bias), dtype=bool)
     for values, axis in zip(bias.T, (x, y, z), strict=True):
         outside |= (values < axis.low) | (values > axis.high)
@@ -141,11 +138,6 @@ def describe_usual(usual: tuple[float, float] | None, unit: str) -> str:
     centre, spread = usual
     shown = quantity(centre, unit, 4 if abs(centre) > 10 * spread else 3)
     return f"{shown}, sensors differ by ±{quantity(spread, unit, 2)}"
-
-
-def _widen(axis: Axis, wide: float) -> Axis:
-    middle = 0.5 * (axis.low + axis.high)
-    return Axis(axis.label, middle - 0.5 * wide, middle + 0.5 * wide)
 
 
 def _make_selectable(

@@ -12,7 +12,7 @@ from agonic.fleet import figures
 from agonic.fleet.figures import draw_scatter, make_axis
 from agonic.fleet.summary_tables import count_days, get_numbers, has_values
 from agonic.maths.estimation.robust.robust_line import Line, fit_robust_line
-from agonic.population.peers import LEAST, Peers
+from agonic.population.peers import MIN_PEERS, Peers
 from agonic.population.population import AXES
 from agonic.report.digits import count, show_sign, with_sd
 from agonic.report.labels import unit_label
@@ -21,10 +21,8 @@ from agonic.report.section import Section
 
 
 class Relation(NamedTuple):
-    """Bias (n, 3) beside another quantity (n,) of some rows, and a line for each axis.
-
-    `sensors` is the number of sensors, each with several logs, or 0 where every sensor counts once.
-    """
+    """Bias (n, 3) beside another quantity (n,) of some rows, and a line for each axis. `sensors` is
+    the number of sensors, each with several logs, or 0 where every sensor counts once."""
 
     rows: Index
     along: Array
@@ -44,9 +42,7 @@ class _Drawn(NamedTuple):
 
 def _find_relation(drawn: _Drawn, x: Array) -> Relation | None:
     """The relation within sensors where eight or more were seen at several x, else between them.
-
-    Within: what each differs by from its own mean, drawn about the mean of all.
-    """
+    Within: what each differs by from its own mean, drawn about the mean of all."""
     group, population = drawn.group, drawn.group.population
     rows = drawn.rows[np.isfinite(x[drawn.rows])]
     rows = rows[np.isfinite(population.bias[rows]).all(axis=1)]
@@ -58,7 +54,7 @@ def _find_relation(drawn: _Drawn, x: Array) -> Relation | None:
 
     several = (np.bincount(sensor, (x[rows] - average(x[rows])) ** 2) > 0)[sensor]
     taken = len(np.unique(sensor[several]))
-    if taken >= LEAST:
+    if taken >= MIN_PEERS:
         rows, sensor = rows[several], sensor[several]
         bias, along = population.bias[rows], x[rows]
         bias = bias - np.column_stack([average(b) for b in bias.T]) + bias.mean(axis=0)
@@ -66,7 +62,7 @@ def _find_relation(drawn: _Drawn, x: Array) -> Relation | None:
     else:
         rows, taken = group.rows[np.isfinite(x[group.rows])], 0
         bias, along = population.bias[rows], x[rows]
-    if len(rows) < LEAST or np.ptp(along) == 0:
+    if len(rows) < MIN_PEERS or np.ptp(along) == 0:
         return None
     lines = tuple(fit_robust_line(along, b, taken) for b in bias.T)
     return Relation(rows, along, bias, lines, taken)

@@ -34,10 +34,8 @@ RESULTS = (JOURNAL, f"{JOURNAL}-journal", TABLE, PAGE, SINGLE)
 @dataclass(frozen=True, slots=True)
 class Inputs:
     """The logs that were named, each once, in order of their paths, and datasets of many sensors.
-
     `perhaps` are texts in folders that are logs only if they hold a magnetometer; `skipped` is how
-    many files of folders no reader knows.
-    """
+    many files of folders no reader knows."""
 
     logs: tuple[str, ...]
     datasets: tuple[Dataset, ...] = ()
@@ -103,9 +101,7 @@ def _is_own_table(file: Path) -> bool:
 
 def _find_datasets(folder: Path, tables: Sequence[Path], asked: FleetSettings) -> Iterator[Dataset]:
     """The datasets among the Parquet tables of a folder: all of them as one, or by folder, or file.
-
-    Folders named `key=value` are parts of the one above them.
-    """
+    Folders named `key=value` are parts of the one above them."""
     if not tables:
         return
     whole = _open_dataset(folder, asked, tables)

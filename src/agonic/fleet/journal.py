@@ -65,11 +65,9 @@ class State(NamedTuple):
 
 
 class Journal:
-    """Finished rows by the content of their log and the work asked for, in an SQLite file.
-
-    One process writes. It commits about once a second; what was committed outlives a kill at any
-    moment, and what was not is done again. Rows of other settings or another version stay.
-    """
+    """Finished rows by the content of their log and the work asked for, in an SQLite file. One
+    process writes. It commits about once a second; what was committed outlives a kill at any
+    moment, and what was not is done again. Rows of other settings or another version stay."""
 
     def __init__(self, path: Path | str, *, work: str) -> None:
         self._work = work

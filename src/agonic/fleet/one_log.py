@@ -36,11 +36,9 @@ from agonic.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What became of a log: the digest of its content, and its rows.
-
-    `final` is false where another try may end otherwise, as where the file could not be read.
-    The row of a log that could not be opened has the channel "".
-    """
+    """What became of a log: the digest of its content, and its rows. `final` is false where another
+    try may end otherwise, as where the file could not be read. The row of a log that could not be
+    opened has the channel ""."""
 
     sha256: str
     rows: tuple[Row, ...]
@@ -48,11 +46,9 @@ class Done:
 
 
 def calibrate_log(path: str, *, settings: FleetSettings, folder: str) -> Done:
-    """The rows of a log: each sensor as `agonic calibrate` does it, or the reason why not.
-
-    Nothing that is wrong with a log is raised. `folder` is where the table goes; what is written of
-    the log goes into `calibrations` there.
-    """
+    """The rows of a log: each sensor as `agonic calibrate` does it, or the reason why not. Nothing
+    that is wrong with a log is raised. `folder` is where the table goes; what is written of the log
+    goes into `calibrations` there."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what matters is among the findings of the row
         try:
@@ -145,10 +141,8 @@ def report_unread(path: str, reason: str, settings: FleetSettings, *, final: boo
 def try_calibrate(
     samples: Samples, settings: FleetSettings, run: Callable[..., Calibrated] | None = None
 ) -> Calibrated | Exception:
-    """What `agonic calibrate` makes of one magnetometer, or why it cannot.
-
-    `run` calibrates a recording that `samples` are but the head of.
-    """
+    """What `agonic calibrate` makes of one magnetometer, or why it cannot. `run` calibrates a
+    recording that `samples` are but the head of."""
     date = settings.date or (None if samples.epoch else settings.undated)
     try:
         reference, of_place = choose_reference(samples, settings.at, date, settings.field_nT)
@@ -175,10 +169,8 @@ def _try_to_write(
 def _write_files(
     results: Sequence[Calibrated], log: Log, settings: FleetSettings, folder: Path
 ) -> Mapping[str, dict[str, str]]:
-    """The files of each sensor, from the folder of the table, by the fields of its row.
-
-    The digest in the name of the log's own folder keeps logs of one name apart.
-    """
+    """The files of each sensor, from the folder of the table, by the fields of its row. The digest
+    in the name of the log's own folder keeps logs of one name apart."""
     if not (settings.files or settings.reports):
         return {}
     own = Path(SINGLE, f"{file_stem(log.path.stem)[:60]}-{log.source.sha256[:8]}")

@@ -30,10 +30,8 @@ from agonic.samples import Samples
 
 
 def make_row(calibrated: Calibrated, **known: Any) -> Row:
-    """The row of one calibrated sensor; its figures are those of `agonic calibrate --json`.
-
-    `known` are the fields of `Row` that no calibration tells: sensor, source, key, settings ….
-    """
+    """The row of one calibrated sensor; its figures are those of `agonic calibrate --json`. `known`
+    are the fields of `Row` that no calibration tells: sensor, source, key, settings …."""
     fit, verification = calibrated.fit, calibrated.verification
     found = fit.calibration
     names = FREE_PARAMETERS if found.gauge == "free" else PARAMETERS
@@ -114,11 +112,9 @@ Columns = dict[str, NDArray[Any]]
 def make_columns(
     fits: Fits, grouped: Grouped, *, unit: str, scaled: bool, inclination_deg: float, **known: Any
 ) -> Columns:
-    """The columns of n sensors fitted to moments, in their order.
-
-    `unit` is that of the readings, `scaled` whether the magnitude was known; `known` are columns
-    that are the same for all. Of the matrix, the lower half is the upper.
-    """
+    """The columns of n sensors fitted to moments, in their order. `unit` is that of the readings,
+    `scaled` whether the magnitude was known; `known` are columns that are the same for all. Of the
+    matrix, the lower half is the upper."""
     n, begin = len(fits), datetime(1970, 1, 1, tzinfo=UTC)
     found = [_find(fits, grouped, k, unit) for k in range(n)]
     of_sensor: dict[str, Any] = {

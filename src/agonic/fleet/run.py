@@ -24,7 +24,6 @@ from agonic.fleet.one_log import Done, calibrate_log, explain, report_unread
 from agonic.fleet.settings import FleetRun, FleetSettings, digest
 from agonic.logs.remote import Remote, is_remote, locate
 from agonic.population import (
-    Compared,
     History,
     Population,
     Row,
@@ -36,10 +35,8 @@ from agonic.provenance import hash_file
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How many of the logs are done, and how many of these were found done.
-
-    `stage` says what is done with the sensors of a dataset, where that is under way.
-    """
+    """How many of the logs are done, and how many of these were found done. `stage` says what is
+    done with the sensors of a dataset, where that is under way."""
 
     done: int
     resumed: int
@@ -280,12 +277,14 @@ def run_fleet(
         with History.open(store) as history:
             history.add(population)
     compared = compare(population)
+    title = folder.resolve().name
+    page = describe_population(compared.population, title=title, outliers=compared.outliers)
     return FleetRun(
         population=compared.population,
         outliers=compared.outliers,
         duplicates=compared.duplicates,
         table=write_population(compared.population, folder / TABLE),
-        page=_write_page(compared, folder),
+        page=write_atomically(folder / PAGE, page.to_html()),
         logs=len(found.logs) - work.skipped,
         datasets=len(found.datasets),
         calibrated=work.calibrated,
@@ -295,10 +294,3 @@ def run_fleet(
         skipped=found.skipped + work.skipped,
         seconds=time.monotonic() - begun,
     )
-
-
-def _write_page(compared: Compared, folder: Path) -> Path:
-    """The report of the fleet."""
-    title = folder.resolve().name
-    page = describe_population(compared.population, title=title, outliers=compared.outliers)
-    return write_atomically(folder / PAGE, page.to_html())

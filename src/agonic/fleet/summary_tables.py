@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.population import Duplicate, Outlier, Population
-from agonic.population.peers import LEAST, Peers
+from agonic.population.peers import MIN_PEERS, Peers
 from agonic.report.digits import count, group_digits, percent, write_minus
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.tables import mark
 from agonic.report.verdict import MEANINGS, sentence
 
 VERDICTS = ("good", "check", "refused")
-_LONGEST = 240
-_DROPPED = np.uint32(7)  # of the 23 bits after the point: five digits are left
+_MAX_CHARACTERS = 240
+_DROPPED_BITS = np.uint32(7)  # of the 23 bits after the point: five digits are left
 _NO_TIME = -(2**31)
 _LARGEST = 1e38  # that float32 holds, rounded up
 
@@ -34,11 +34,8 @@ def embed_rows(
     notes: Mapping[int, str],
     noted: NDArray[np.uint8],
 ) -> Markup:
-    """The rows as a script element.
-
-    `groups` (n,) is the group of each row or −1; `notes` what is said of rows that stand out,
-    `noted` (n,) 1 for these, 2 where their bias or axes do.
-    """
+    """The rows as a script element. `groups` (n,) is the group of each row or −1; `notes` what is
+    said of rows that stand out, `noted` (n,) 1 for these, 2 where their bias or axes do."""
     verdicts = [VERDICTS.index(name) for name in population["verdict"].tolist()]
     columns = {name: get_numbers(population, name) for name in NUMBERS}
     parts: list[tuple[str, str, bytes]] = [
@@ -113,7 +110,7 @@ def make_link(path: str) -> str:
 
 
 def _join_lines(texts: Iterable[str]) -> bytes:
-    cut = (t if len(t) <= _LONGEST else f"{t[: _LONGEST - 1]}…" for t in texts)
+    cut = (t if len(t) <= _MAX_CHARACTERS else f"{t[: _MAX_CHARACTERS - 1]}…" for t in texts)
     one_line = "\n".join(" ".join(t.split()) if "\n" in t or "\r" in t else t for t in cut)
     return one_line.encode("utf-8", "replace")
 
@@ -122,7 +119,9 @@ def _round(values: Array) -> bytes:
     """float32, rounded to what is shown, so that it deflates."""
     bounded = np.clip(values, -_LARGEST, _LARGEST)  # a refused fit may be without bounds
     bits = bounded.astype("<f4").view("<u4")
-    near = ((bits + (np.uint32(1) << (_DROPPED - np.uint32(1)))) >> _DROPPED) << _DROPPED
+    near = (
+        (bits + (np.uint32(1) << (_DROPPED_BITS - np.uint32(1)))) >> _DROPPED_BITS
+    ) << _DROPPED_BITS
     return _split_bytes(np.where(np.isfinite(values), near, bits).astype("<u4"))
 
 
@@ -203,7 +202,7 @@ def list_outliers(
         element(
             "p",
             f"{count(len(group), 'sensor')} ({group.name}) are too few to find what is usual: at "
-            f"least {LEAST} are needed.",
+            f"least {MIN_PEERS} are needed.",
             class_="aside",
         )
         for group in few

@@ -13,12 +13,12 @@ from scipy.special import stdtr
 from agonic.arrays import Array, Index, Mask
 from agonic.health import Finding
 from agonic.health.finding import figure
-from agonic.history.fit import DRIFTING, FEWEST, NAMES, extract_parameters
+from agonic.history.fit import MAX_DRIFT_CHANCE, MIN_CALIBRATIONS, NAMES, extract_parameters
 from agonic.history.maths.drift_model import Series, compute_posterior
 from agonic.history.result import Drift
 from agonic.population import Population, find_outliers
 from agonic.population.outlier import choose_rate, discover, list_tests
-from agonic.population.peers import LEAST, make_quantity
+from agonic.population.peers import MIN_PEERS, make_quantity
 from agonic.population.store import History
 
 _KINDS = {"bias": slice(0, 3), "gain": slice(3, 6), "cross": slice(6, 9)}
@@ -28,8 +28,7 @@ _KINDS = {"bias": slice(0, 3), "gain": slice(3, 6), "cross": slice(6, 9)}
 class Departure:
     """A sensor that left the others: "level", where its last calibration is, or "move", how far it
     went since the one before. `distance` is in what is usual among the others, `p_value` how often
-    chance puts a regular one there.
-    """
+    chance puts a regular one there."""
 
     sensor: str
     kind: str
@@ -69,7 +68,7 @@ def departures(history: History, *, rate: float | None = None) -> tuple[Departur
     [('s20', 'level')]
     """
     latest = history.latest()
-    if len(latest) < LEAST:
+    if len(latest) < MIN_PEERS:
         return ()
     levels = [
         Departure(o.sensor, "level", o.sentence, o.distance, o.p_value)
@@ -105,7 +104,7 @@ def find_moves(
     found: list[Departure] = []
     for units in sorted({*zip(now["unit_in"], now["unit_out"], strict=True)}, key=str):
         same = (now["unit_in"] == units[0]) & (now["unit_out"] == units[1])
-        if same.sum() >= LEAST:
+        if same.sum() >= MIN_PEERS:
             found.extend(_test_moves(now.select(same), then.select(same), rate))
     return found
 
@@ -171,10 +170,8 @@ _AT_ONCE = 100
 
 
 def find_drifting(history: History, progress: Callable[[int, int], None] | None = None) -> set[str]:
-    """The sensors whose bias drifts, as `drift` judges it, with steps not taken out.
-
-    A plain line through the biases comes first: where it sees nothing, nothing is there.
-    """
+    """The sensors whose bias drifts, as `drift` judges it, with steps not taken out. A plain line
+    through the biases comes first: where it sees nothing, nothing is there."""
     columns = history.columns(*_COLUMNS)
     first, last = _find_sensors(columns)
     keep = _select_like_last(columns, first, last)
@@ -182,7 +179,7 @@ def find_drifting(history: History, progress: Callable[[int, int], None] | None 
     kept = {name: values[keep] for name, values in columns.items()}
     first, last = bounds[first], bounds[last]
     found: set[str] = set()
-    known, done = last - first >= FEWEST, 0
+    known, done = last - first >= MIN_CALIBRATIONS, 0
     for n in np.unique((last - first)[known]):
         of_length = np.flatnonzero(last - first == n)
         for start in range(0, len(of_length), _AT_ONCE):
@@ -229,7 +226,7 @@ def _test_drift(columns: dict[str, NDArray[Any]], rows: Index) -> Mask:
             continue
         sd = np.nan_to_num(columns[f"bias_{axis}_sd"][rows[moves]])
         series = Series(scaled[moves], value[moves], sd**2, line[moves])
-        found[moves] |= compute_posterior(series).p_value(1) * len(NAMES) < DRIFTING
+        found[moves] |= compute_posterior(series).p_value(1) * len(NAMES) < MAX_DRIFT_CHANCE
     return found
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.history.departure import Departure
 from agonic.history.fit import KINDS, sample_times
-from agonic.history.result import YEAR_S, Drift, Event, Trend
+from agonic.history.result import Drift, Event, Trend
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
 from agonic.readable import make_record
@@ -25,10 +25,7 @@ from agonic.report.section import Section, Table
 from agonic.report.strips import area, caption, curve, dots, path, plot
 from agonic.report.tables import NOTHING, mark
 
-DAYS_A_YEAR = 365.25
-DAYS_A_MONTH = DAYS_A_YEAR / 12
-_WIDE = 2.0  # standard deviations that bands reach to either side
-_UNITS_S = {"days": 86_400.0, "months": DAYS_A_MONTH * 86_400.0, "years": YEAR_S}
+_UNITS_DAYS = {"days": 1.0, "months": 365.25 / 12, "years": 365.25}
 
 
 def choose_unit(days: float) -> str:
@@ -59,24 +56,25 @@ def draw_trend(one: Trend, drift: Drift) -> Markup:
     time = np.unique(np.concatenate([sample_times(drift), one.time]))
     band = one.at(time)
     start, unit = drift.trends[0].time[0], choose_unit(np.ptp(sample_times(drift, 2)) / 86_400.0)
-    along, seen = ((t - start) / _UNITS_S[unit] for t in (time, one.time))
+    scale = 86_400.0 * _UNITS_DAYS[unit]
+    along, seen = ((t - start) / scale for t in (time, one.time))
     margin = 0.02 * float(along[-1])
     label = f"{unit} since {datetime.fromtimestamp(float(start), UTC):%Y-%m-%d}"
     x = Axis(label, -margin, float(along[-1]) + margin)
-    reach = _WIDE * band.calibration_sd
+    reach = 2 * band.calibration_sd
     low, high = band.mean - reach, band.mean + reach
     y = fit_axis(one.name, np.concatenate([low, high, one.value - one.sd, one.value + one.sd]))
 
     def draw_step(event: Event) -> Markup:
         """The time between the two calibrations that it lies between."""
         ends = np.array([event.after.timestamp(), event.before.timestamp()])
-        left, stop = right(x, (ends - start) / _UNITS_S[unit])
+        left, stop = right(x, (ends - start) / scale)
         return path(f"M{left:.1f} 0H{stop:.1f}V1000H{left:.1f}Z", "step")
 
     layers = [
         *map(draw_step, _find_steps(one, drift)),
         area(x, y, along, low, high, "calibrations"),
-        area(x, y, along, band.mean - _WIDE * band.sd, band.mean + _WIDE * band.sd, "band"),
+        area(x, y, along, band.mean - 2 * band.sd, band.mean + 2 * band.sd, "band"),
         curve(x, y, along, band.mean, "level"),
         *_draw_calibrations(one, x, seen, y),
     ]
@@ -109,7 +107,11 @@ def list_values(drift: Drift) -> dict[str, Any]:
         "sensor": drift.sensor,
         "at": drift.at.isoformat(),
         "calibrations": [_record_row(row, number in drift.compared) for number, row in rows],
-        "trends": [_record_trend(one, drift.at) for one in drift.trends],
+        "trends": [
+            make_record(one)
+            | dict(zip(("value", "sd", "calibration_sd"), one.predict(drift.at), strict=True))
+            for one in drift.trends
+        ],
         "events": [make_record(event) for event in drift.events],
         "findings": [
             {"name": f.name, "severity": f.severity, "sentence": f.sentence} for f in drift.findings
@@ -133,14 +135,9 @@ def _record_row(row: Row, compared: bool) -> dict[str, Any]:
     }
 
 
-def _record_trend(one: Trend, at: datetime) -> dict[str, Any]:
-    mean, sd, calibration_sd = one.predict(at)
-    return make_record(one) | {"value": mean, "sd": sd, "calibration_sd": calibration_sd}
-
-
-LINES = 60
+MAX_LISTED = 60
 """Sensors that are listed for people; programs are told all."""
-MOST = 200
+MAX_TABLE_ROWS = 200
 """Calibrations in the table of the page, the last ones."""
 _TITLES = {"bias": "Bias", "gain": "Gain along the axes", "cross": "Between the axes"}
 _EVENTS = {"step": "Step", "outlier": "Outlier", "last": "Left its band"}
@@ -204,11 +201,13 @@ def _list_sensors(rows: Sequence[Mapping[str, Any]]) -> list[Section]:
     if not rows:
         return []
     names = ("sensor", "calibrations", "first", "last", "verdict", "drifts")
-    days = ({**row, "first": row["first"][:10], "last": row["last"][:10]} for row in rows[:LINES])
+    days = (
+        {**row, "first": row["first"][:10], "last": row["last"][:10]} for row in rows[:MAX_LISTED]
+    )
     said = ({**row, "drifts": "drifts" if row["drifts"] else ""} for row in days)
     head = ("Sensor", "Calibrations", "First", "Last", "Verdict", "Bias")
     table = Table(head, [[str(row[name]) for name in names] for row in said])
-    more = len(rows) - LINES
+    more = len(rows) - MAX_LISTED
     note = [f"… and {group_digits(more)} more; --json lists all"] if more > 0 else []
     return [Section("", [table, *note], printed=True)]
 
@@ -217,7 +216,7 @@ def _list_departures(departed: Sequence[Departure]) -> list[Section]:
     if not departed:
         return []
     title = f"{count(len({one.sensor for one in departed}), 'sensor')} left the others"
-    said = [f"! {one.sensor}: {one.sentence}" for one in departed[:LINES]]
+    said = [f"! {one.sensor}: {one.sentence}" for one in departed[:MAX_LISTED]]
     return [Section(title, said, printed=True)]
 
 
@@ -230,7 +229,8 @@ def _list_key_figures(drift: Drift, trends: Sequence[Trend]) -> list[tuple[str, 
     entries = [("Calibrations", str(len(drift.population)), f"{refused} refused")]
     if starts:
         first, last = min(starts), max(starts)
-        span = _format_span((last - first).total_seconds() / 86_400.0)
+        days = (last - first).total_seconds() / 86_400.0
+        span = quantity(days / _UNITS_DAYS[choose_unit(days)], choose_unit(days), 2)
         entries.append(("Over", span, f"{first:%Y-%m-%d} to {last:%Y-%m-%d}"))
     if trends:
         sd, worst = max(((one.predict(drift.at)[1], one) for one in trends), key=lambda k: k[0])
@@ -238,11 +238,6 @@ def _list_key_figures(drift: Drift, trends: Sequence[Trend]) -> list[tuple[str, 
         entries.append(("Standard error", known, f"{worst.name} on {drift.at:%Y-%m-%d}"))
     steps = sum(event.kind == "step" for event in drift.events)
     return [*entries, ("Steps", str(steps), "found beyond drift and scatter")]
-
-
-def _format_span(days: float) -> str:
-    unit = choose_unit(days)
-    return quantity(days / {"years": DAYS_A_YEAR, "months": DAYS_A_MONTH}.get(unit, 1.0), unit, 2)
 
 
 def _list_calibrations(drift: Drift) -> dict[str, str]:
@@ -307,7 +302,7 @@ def _format_chance(p_value: float) -> str:
 
 def _tabulate_calibrations(drift: Drift) -> list[Table | Markup]:
     rows = list(drift.population)
-    shown, unit = rows[-MOST:], unit_label(rows[-1].unit_in)
+    shown, unit = rows[-MAX_TABLE_ROWS:], unit_label(rows[-1].unit_in)
     bias = (f"Bias {axis}{', ' + unit if unit else ''}" for axis in "xyz")
     head = ("Date", "Verdict", *bias, "Temperature", "Log")
     cells = [

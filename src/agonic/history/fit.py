@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index
+from agonic.calibration.decomposition import PAIRS
 from agonic.errors import AgonicError
 from agonic.health import Finding
 from agonic.health.finding import figure
@@ -21,7 +22,7 @@ from agonic.history.maths.change_points import (
 from agonic.history.maths.drift_model import Series, compute_posterior
 from agonic.history.result import Drift, Event, ParameterChange, Trend, make_series, summarise
 from agonic.population import Population
-from agonic.population.population import AXES, PAIRS
+from agonic.population.population import AXES
 from agonic.population.store_schema import UNDATED
 from agonic.units import RAW
 
@@ -45,10 +46,8 @@ class Parameters(NamedTuple):
 
 
 def find_comparable(population: Population) -> Index:
-    """The rows that can be compared with the last calibration: its channel, its units.
-
-    Their biases are known, within bounds.
-    """
+    """The rows that can be compared with the last calibration: its channel, its units. Their biases
+    are known, within bounds."""
     known = np.isfinite(population.bias) & ~np.isinf(population.bias_sd)
     rows = np.flatnonzero(population.fitted & known.all(axis=1))
     if not len(rows):
@@ -78,11 +77,11 @@ def _name_units(population: Population) -> tuple[str, ...]:
     return (bias,) * 3 + (gain,) * 6
 
 
-FEWEST = 5
+MIN_CALIBRATIONS = 5
 """Calibrations from which on a drift can be told from scatter."""
-CHANCE = 0.004
+MAX_CHANCE = 0.004
 """How often chance makes a step, or a calibration off its band, in a history of all parameters."""
-DRIFTING = 0.01
+MAX_DRIFT_CHANCE = 0.01
 """How often chance makes any parameter of a sensor seem to drift."""
 
 
@@ -131,7 +130,7 @@ def drift(population: Population, at: datetime | None = None) -> Drift:
     time = np.array([start.timestamp() for start in chosen["start"]])
     if len(time) and moment.timestamp() < time[0]:
         raise AgonicError(f"{moment:%Y-%m-%d} is before the first calibration")
-    enough = len(time) >= FEWEST and time[-1] > time[0]
+    enough = len(time) >= MIN_CALIBRATIONS and time[-1] > time[0]
     trends, events = _fit_trends(time, extract_parameters(chosen)) if enough else ((), ())
     return Drift(
         sensor=str(population["sensor"][-1]),
@@ -158,7 +157,7 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
     """
     known = [k for k in range(len(NAMES)) if _can_follow(of.values[:, k])]
     many = [make_series(time, of.values[:, k], of.sd[:, k]) for k in known]
-    found = find_change_points(many, CHANCE)
+    found = find_change_points(many, MAX_CHANCE)
     trends = []
     for number, k in enumerate(known):
         series = join_design(many[number], found, number)
@@ -184,7 +183,7 @@ def _fit_trends(time: Array, of: Parameters) -> tuple[tuple[Trend, ...], tuple[E
 def _can_follow(values: Array) -> bool:
     """Whether enough calibrations tell a parameter, and it moves at all."""
     told = values[np.isfinite(values)]
-    return len(told) >= FEWEST and 2 * len(told) > len(values) and bool(np.ptp(told) > 0)
+    return len(told) >= MIN_CALIBRATIONS and 2 * len(told) > len(values) and bool(np.ptp(told) > 0)
 
 
 def _make_event(
@@ -216,15 +215,17 @@ def _find(
             "see its status, and calibrate again",
         )
     yield from (_describe_event(event, len(compared)) for event in events)
-    if len(compared) < FEWEST:
-        few = f"{len(compared)} can be compared; from {FEWEST} on a drift can be determined"
+    if len(compared) < MIN_CALIBRATIONS:
+        few = (
+            f"{len(compared)} can be compared; from {MIN_CALIBRATIONS} on a drift can be determined"
+        )
         yield Finding("few calibrations", "note", few)
     if left_out := int(population.fitted.sum()) - len(compared):
         others = f"{left_out} earlier ones are of another channel or unit"
         yield Finding("not compared", "note", others)
     if any(UNDATED.name in names for names in population["findings"]):
         yield UNDATED
-    if moving := [one for one in trends if one.p_value * len(trends) < DRIFTING]:
+    if moving := [one for one in trends if one.p_value * len(trends) < MAX_DRIFT_CHANCE]:
         slopes = (
             f"{one.name} by {_format_signed(one.slope, one.slope_sd)} ± "
             f"{_format(one.slope_sd, one.unit)} a year"

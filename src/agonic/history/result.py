@@ -96,10 +96,8 @@ class Trend:
 
 
 def make_series(time: Array, value: Array, sd: Array) -> Series:
-    """A parameter as the kernels take it: time over its span, values about their mean.
-
-    What a calibration does not tell is the mean, with an error that leaves it without weight.
-    """
+    """A parameter as the kernels take it: time over its span, values about their mean. What a
+    calibration does not tell is the mean, with an error that leaves it without weight."""
     span, known = (time - time[0]) / (time[-1] - time[0]), np.isfinite(value)
     about_mean = np.where(known, value - np.nanmean(value), 0.0)
     unknown = (1e4 * (np.ptp(value[known]) + sd[known].max())) ** 2

@@ -21,7 +21,7 @@ from agonic.recording.calibrated import calibrate_as_named
 from agonic.recording.choice.choose import choose
 from agonic.samples import Samples
 
-FEWEST = 100
+MIN_ROWS = 100
 """Rows of a track without which no fit is made."""
 
 
@@ -58,7 +58,7 @@ def fit_aided(params: LiveParams, track: Track | None) -> Aided | None:
     """The fit that `calibrate` would choose for a track; `None` where there is none yet, or the
     field of the place is not known."""
     reference = params.reference
-    if track is None or len(track.slots) < FEWEST or params.field_n is None:
+    if track is None or len(track.slots) < MIN_ROWS or params.field_n is None:
         return None
     samples = get_samples(params, track)
     try:

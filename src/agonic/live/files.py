@@ -16,7 +16,7 @@ from agonic.atomic import write_atomically
 from agonic.errors import AgonicError, LogError
 from agonic.live.quarantine import find_plausible
 from agonic.live.state import LiveParams, LiveState
-from agonic.live.track import COLUMNS
+from agonic.live.track import ROW_COLUMNS
 from agonic.logs.contents import read_bytes
 
 SCHEMA = "agonic/live-state@1"
@@ -32,9 +32,7 @@ class ArrayRecord(Struct, frozen=True):
 
 class StateFile(Struct, frozen=True):
     """Where a live calibration stands, made with agonic; `origin` is where readings came from.
-
-    `check` is the CRC-32 of the file with a zero in its place, 0 where there is none.
-    """
+    `check` is the CRC-32 of the file with a zero in its place, 0 where there is none."""
 
     schema: str
     origin: str
@@ -82,7 +80,7 @@ def _check(params: LiveParams, state: LiveState) -> None:
             raise LogError(f"its {name} holds readings that no sensor gives")
     track = state.track
     if track is not None:
-        whole = track.sums.shape == (len(track.slots), COLUMNS) and track.width > 0
+        whole = track.sums.shape == (len(track.slots), ROW_COLUMNS) and track.width > 0
         if not (whole and np.isfinite(track.sums[:, :8]).all() and (track.sums[:, 0] > 0).all()):
             raise LogError("its track is damaged")
     boxes = state.voxels

@@ -17,7 +17,7 @@ from agonic.ellipsoid.solve import Found as Solved
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import Finding
 from agonic.live.aided import (
-    FEWEST,
+    MIN_ROWS,
     Aided,
     find_objections,
     fit_aided,
@@ -37,7 +37,7 @@ from agonic.units import RAW, nanotesla_per
 _OF_THE_SENSOR = ("unit", "every", "soft_iron_sd", "name", "device_id")
 """Settings that a state cannot be gone on with when they change."""
 
-GROWTH = 1.2
+REFIT_GROWTH = 1.2
 """The fit beside accelerometer and gyro is made anew when there are so many times the readings."""
 
 
@@ -149,7 +149,7 @@ class LiveFit:
         `None` where there was none, or too little. It is made anew once a fifth has been added, or
         with `aside` set only when `consider` is called, for it may take seconds."""
         if not self.aside:
-            self.consider(GROWTH)
+            self.consider(REFIT_GROWTH)
         return self._aided[1]
 
     def consider(self, growth: float = 1.0) -> None:
@@ -186,7 +186,7 @@ class LiveFit:
         track, aided = self.state.track, self.aided
         told = aided is not None and aided.chosen
         if track is not None:
-            level = len(track.slots) >= FEWEST and find_down(track) is not None
+            level = len(track.slots) >= MIN_ROWS and find_down(track) is not None
             if told or level:
                 return get_samples(self.params, track)
         kept = np.concatenate([self.state.kept, self.state.waiting])

@@ -18,11 +18,6 @@ from agonic.live.quarantine import WAIT_S
 from agonic.live.state import Found, LiveParams, LiveState
 from agonic.maths.equation import coverage as cells
 
-NEAR_METAL = 0.05  # of the field's magnitude
-SCATTER = 0.02  # of the field's magnitude, of single readings
-MUCH = 0.3  # of the readings
-OFF_MODEL = 0.15  # of the world model's magnitude
-SURE = 4.0  # standard errors of the mean gain
 BEGIN = "turn slowly through a full circle, and tilt it where it can be tilted"
 
 
@@ -64,11 +59,9 @@ def make_guidance(
     level: Level | None = None,
     aided: Aided | None = None,
 ) -> Guidance:
-    """The guidance at a state, and the calibration and coverage there.
-
-    `examine` looks at the readings as `agonic calibrate` will; it is asked once all else is well.
-    `level` are headings and tilts of a vehicle that stays level, `None` before there is a fit.
-    """
+    """The guidance at a state, and the calibration and coverage there. `examine` looks at the
+    readings as `agonic calibrate` will; it is asked once all else is well. `level` are headings and
+    tilts of a vehicle that stays level, `None` before there is a fit."""
     findings = [*_find_stuck(state), *_find_missing(state)]
     stays_level = find_down(state.track) is not None
     if fitted is None or state.found is None:
@@ -175,7 +168,7 @@ def _find_near_metal(
         spread = (calibration.noise or 0.0) / calibration.magnitude
         here = cells.find_cells(np.median(field, axis=0)[None])[0]
         unsure = float(coverage.field_sd[here]) / calibration.magnitude
-        if abs(off) < max(NEAR_METAL, 4 * spread, 4 * unsure):
+        if abs(off) < max(0.05, 4 * spread, 4 * unsure):
             return
     word = "stronger" if off > 0 else "weaker"
     yield Finding(
@@ -190,7 +183,7 @@ def _find_near_metal(
 def find_held_out(state: LiveState) -> Iterator[Finding]:
     """Much was kept out, and what is near may as well be what was taken for the rest."""
     share = state.held / max(state.n, 1)
-    if share < MUCH:
+    if share < 0.3:
         return
     what = f"{100 * share:.0f} % of the readings do not fit the others: the field was not the same"
     turns = "move away from steel, magnets and currents and start again"
@@ -202,7 +195,7 @@ def _find_scatter(calibration: Affine) -> Iterator[Finding]:
     assert calibration.magnitude is not None
     share = (calibration.noise or 0.0) * float(np.trace(calibration.matrix)) / 3
     share /= calibration.magnitude
-    if share < SCATTER:
+    if share < 0.02:
         return
     yield Finding(
         "disturbed",
@@ -221,7 +214,7 @@ def _find_off_model(params: LiveParams, calibration: Affine) -> Iterator[Finding
     off = 1 / gain - 1
     assert calibration.covariance is not None
     sd = np.sqrt(calibration.covariance[3:6, 3:6].sum()) / 3 / gain
-    if abs(off) < max(OFF_MODEL, SURE * sd * (1 + off)):
+    if abs(off) < max(0.15, 4 * sd * (1 + off)):
         return
     word = "above" if off > 0 else "below"
     yield Finding(

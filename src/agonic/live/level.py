@@ -16,7 +16,7 @@ from agonic.maths.rotations.tilt import heading_by_vectors_deg, roll_pitch_deg, 
 
 SECTORS = 12
 WIDTH_DEG = 360 / SECTORS
-SEEN = 3
+SEEN_ROWS = 3
 """Rows in a sector that is seen."""
 LEVEL_DEG = 30.0
 """A vehicle that stays within this of its usual attitude, but for `SELDOM` of its way, is level."""
@@ -25,7 +25,7 @@ SMOOTH_S = 2.0
 TURN_DEG_S = 20.0
 COMES_DEG = 90.0
 """By which a vehicle turns on its way to a ramp."""
-WORTH = 0.95
+WORTH_SHARE = 0.95
 """Of the heading's standard error: what lowers it by less is not worth the way."""
 
 
@@ -47,7 +47,7 @@ class Level(NamedTuple):
     @property
     def seen(self) -> Mask:
         """The sectors that were seen, (12,)."""
-        return np.asarray(self.counts >= SEEN)
+        return np.asarray(self.counts >= SEEN_ROWS)
 
     @property
     def tilt_deg(self) -> float:
@@ -134,7 +134,7 @@ def choose_step(level: Level, now_deg: float, predict: Callable[[Drive], float])
     plans = [Plan(step, predict(step.drive)) for step in list_steps(level)]
     if plans and len(plans[0].step.sectors) < SECTORS:  # of missing headings
         return plans[0]
-    worth = [plan for plan in plans if plan.after_deg < WORTH * now_deg]
+    worth = [plan for plan in plans if plan.after_deg < WORTH_SHARE * now_deg]
     if not worth:
         return None
     return max(worth, key=lambda plan: np.log(now_deg / plan.after_deg) / plan.step.work)

@@ -22,13 +22,10 @@ WAIT_S = 1.5
 """How long readings wait, and for how long after a disturbance none are let in."""
 
 
-SLIGHT = 0.015
-"""Of the field's magnitude: a block that is off by less is let in."""
-
-SURE = 4.0
+NOISE_SDS = 4.0
 """Standard deviations of the readings by which a block must be off."""
 
-UNSURE = 10.0
+FIT_SDS = 10.0
 """Standard errors of the fit by which it must: where it has seen little, it is not the judge."""
 
 
@@ -50,9 +47,9 @@ def compute_deviations(judge: Found | None, blocks: Array) -> Array:
     points = (blocks[:, :, 1:].reshape(-1, 3) - judge.centre) / judge.size
     off, sd = moment_fit.compute_deviations(points, judge.bias, judge.matrix, judge.covariance)
     noise = judge.noise * float(np.trace(judge.matrix)) / 3
-    room = np.median(np.hypot(UNSURE * sd, SURE * noise).reshape(blocks.shape[:2]), axis=1)
+    room = np.median(np.hypot(FIT_SDS * sd, NOISE_SDS * noise).reshape(blocks.shape[:2]), axis=1)
     middle = np.median(off.reshape(blocks.shape[:2]), axis=1)
-    return np.where(np.abs(middle) > np.maximum(SLIGHT, room), middle, 0.0)
+    return np.where(np.abs(middle) > np.maximum(0.015, room), middle, 0.0)
 
 
 def judge_blocks(
@@ -89,11 +86,11 @@ LARGEST_nT = 1e8
 """0.1 T: beyond the range of every magnetometer, Hall sensors included."""
 
 
-FAR = 3.0
+FAR_DISTANCES = 3.0
 """Times the usual distance from the midst of all boxes; a whole sphere is at one, an arc below
 two."""
 
-FEW = 0.02
+STRAY_SHARE = 0.02
 """Of the readings: more that lie far off are no stray ones."""
 
 
@@ -106,12 +103,10 @@ def find_plausible(field: Array, unit: str) -> Mask:
 
 
 def find_stray(middles: Array, counts: Array) -> Mask:
-    """Which boxes (k,) lie far from all others and hold few readings: garbled numbers and spikes.
-
-    A fit by moments begins at the best sphere through all of them, which a single reading ten
-    times as far as the others would carry away.
-    """
+    """Which boxes (k,) lie far from all others and hold few readings: garbled numbers and spikes. A
+    fit by moments begins at the best sphere through all of them, which a single reading ten times
+    as far as the others would carry away."""
     distance = np.linalg.norm(middles - np.median(middles, axis=0), axis=1)
-    far = distance > FAR * np.median(distance)
-    few = counts[far].sum() <= max(FEW * counts.sum(), 2)
+    far = distance > FAR_DISTANCES * np.median(distance)
+    few = counts[far].sum() <= max(STRAY_SHARE * counts.sum(), 2)
     return np.asarray(far & few)

@@ -81,11 +81,9 @@ OF_FIT = ("bias", "matrix", "covariance", "noise", "condition")
 
 
 class Found(NamedTuple):
-    """The last fit: centre and size of the points it was made on, and what came out there.
-
-    reading = centre + size · point; `covariance` (9, 9) of bias and matrix to magnitude one;
-    `left_out` readings were too far from all others to count.
-    """
+    """The last fit: centre and size of the points it was made on, and what came out there. reading
+    = centre + size · point; `covariance` (9, 9) of bias and matrix to magnitude one; `left_out`
+    readings were too far from all others to count."""
 
     n: int
     centre: Array

@@ -10,14 +10,13 @@ from typing import TextIO
 
 from msgspec import to_builtins
 
+from agonic.console.boundary import Interrupted
 from agonic.console.finish import finish
 from agonic.errors import AgonicError
 from agonic.live.guidance import tell_error
 from agonic.live.web.messages import Status
 from agonic.live.web.session import Session
 from agonic.recording.document import describe_recording
-
-INTERRUPTED = 130  # the exit status after Ctrl-C, where no result was written
 
 
 def run_in_terminal(session: Session, as_json: bool) -> int:
@@ -37,7 +36,7 @@ def run_in_terminal(session: Session, as_json: bool) -> int:
     except KeyboardInterrupt:
         session.stop()
         print(f"\n{session.closing_message}", file=stream)
-        return INTERRUPTED
+        return Interrupted.status
     finally:
         session.stop()
     if not session.shown:

@@ -18,19 +18,19 @@ from agonic.samples import Samples
 
 Slots = NDArray[np.int64]
 
-COLUMNS = 11
+ROW_COLUMNS = 11
 """Of a row: how many readings, their time, field (3), acceleration (3) and rotation rate (3)."""
 
-MOST = 4096
+MAX_ROWS = 4096
 """Rows at most."""
 
 FINEST_S = 0.02
 """The first interval: short beside all that a vehicle does."""
 
-WIDEST = 8
+MAX_WIDTH_SLOTS = 8
 """Times the first the last one may be: a vehicle that turns 1 rad/s has turned by 9° in it."""
 
-STRETCH = 8 * 64
+STRETCH_SLOTS = 8 * 64
 """Finest intervals, ten seconds, that are given up together."""
 
 
@@ -61,7 +61,7 @@ class Track(NamedTuple):
 
     def coarsen(self) -> Track:
         """The track in the longest intervals."""
-        return _sum_up(self._replace(width=WIDEST))
+        return _sum_up(self._replace(width=MAX_WIDTH_SLOTS))
 
     @property
     def duration_s(self) -> float:
@@ -87,11 +87,11 @@ def extend_track(track: Track | None, rows: Array, motion: Array) -> Track | Non
         return track
     if track is None:
         start = float(rows[0, 0])
-        track = Track(start, 1, np.empty(0, np.int64), np.empty((0, COLUMNS)), -np.inf)
+        track = Track(start, 1, np.empty(0, np.int64), np.empty((0, ROW_COLUMNS)), -np.inf)
     since = rows[:, 0] - track.start
     slots = np.floor(since / FINEST_S + 1e-6).astype(np.int64)
     sums = np.column_stack([np.ones(len(rows)), since, rows[:, 1:], motion])
-    cuts = np.flatnonzero(np.diff(slots // STRETCH)) + 1
+    cuts = np.flatnonzero(np.diff(slots // STRETCH_SLOTS)) + 1
     for own, more in zip(np.split(slots, cuts), np.split(sums, cuts), strict=True):
         own, more = np.concatenate([track.slots, own]), np.concatenate([track.sums, more])
         track = _trim(_sum_up(track._replace(slots=own, sums=more)))
@@ -106,11 +106,11 @@ def _sum_up(track: Track) -> Track:
 
 
 def _trim(track: Track) -> Track:
-    """No more rows than `MOST`: of longer intervals, or without the stretch that turned least."""
-    while len(track.slots) > MOST and track.width < WIDEST:
+    """At most `MAX_ROWS`: of longer intervals, or without the stretch that turned least."""
+    while len(track.slots) > MAX_ROWS and track.width < MAX_WIDTH_SLOTS:
         track = _sum_up(track._replace(width=2 * track.width))
-    while len(track.slots) > MOST:
-        stretch = track.slots // STRETCH
+    while len(track.slots) > MAX_ROWS:
+        stretch = track.slots // STRETCH_SLOTS
         stay = stretch != _find_stillest(track, stretch)
         track = track._replace(slots=track.slots[stay], sums=track.sums[stay])
     return track

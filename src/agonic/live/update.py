@@ -14,25 +14,20 @@ from agonic.live.state import OF_FIT, Found, LiveParams, LiveState
 from agonic.live.track import extend_track
 from agonic.maths.equation import moment_fit, moments
 
-FEWEST_TO_JUDGE = 100
-"""Readings that a fit must have before others are held against it."""
-
-FIRM = 1e6
+MAX_CONDITION = 1e6
 """The condition above which a fit is no judge: where little was seen it may lie at the end of a
 long bent valley, far off and sure of itself."""
 
-GROWTH = 1.1
+JUDGE_GROWTH = 1.1
 """The fit that readings are held against is made anew when there are so many times as many."""
 
 
 def update_state(
     params: LiveParams, state: LiveState, rows: Array, motion: Array | None = None
 ) -> LiveState:
-    """The state after rows (n, 4) of time and field, the same however they are cut in chunks.
-
-    Rows that no sensor gives are left out and counted. A fit is made where the count of readings
-    last passed a multiple of `params.every`.
-    """
+    """The state after rows (n, 4) of time and field, the same however they are cut in chunks. Rows
+    that no sensor gives are left out and counted. A fit is made where the count of readings last
+    passed a multiple of `params.every`."""
     good = np.isfinite(rows[:, 0]) & find_plausible(rows[:, 1:], params.unit)
     state = replace(state, rejected=state.rejected + int((~good).sum()))
     rows = rows[good]
@@ -59,16 +54,18 @@ def collect_boxes(params: LiveParams, state: LiveState) -> Voxels | None:
 
 def _plan_next_judge(params: LiveParams, state: LiveState) -> int:
     """The count of readings at which the next judge is made, a multiple of `every`."""
-    blocks = max(int(GROWTH * state.judged_at / params.every), state.judged_at // params.every + 1)
+    blocks = max(
+        int(JUDGE_GROWTH * state.judged_at / params.every), state.judged_at // params.every + 1
+    )
     return blocks * params.every
 
 
 def _renew_judge(params: LiveParams, state: LiveState) -> LiveState:
     """A judge of what was let in so far; none where as much was kept out, which is as credible."""
     boxes, judge = state.voxels, None
-    if boxes is not None and 2 * state.held <= state.n and boxes.counts.sum() >= FEWEST_TO_JUDGE:
+    if boxes is not None and 2 * state.held <= state.n and boxes.counts.sum() >= 100:
         judge = _fit(params, state.n, boxes, state.judge)
-        if judge is not None and judge.condition > FIRM:
+        if judge is not None and judge.condition > MAX_CONDITION:
             judge = None
     return replace(state, judge=judge, judged_at=state.n)
 

@@ -16,9 +16,7 @@ from agonic.readable import Shown
 @dataclass(frozen=True)
 class Duplicate:
     """Logs with the same content: their names, and the sensors that they are said to be of.
-
-    `contested` where one channel of them is said to be of several sensors.
-    """
+    `contested` where one channel of them is said to be of several sensors."""
 
     sha256: str
     sources: Annotated[tuple[str, ...], Shown()]
@@ -38,10 +36,8 @@ class Duplicate:
 
 
 def find_duplicates(population: Population) -> tuple[Duplicate, ...]:
-    """Logs that are in a population more than once, under other names or of other sensors.
-
-    Source: equal digests are equal content (FIPS 180-4).
-    """
+    """Logs that are in a population more than once, under other names or of other sensors. Source:
+    equal digests are equal content (FIPS 180-4)."""
     by_digest: dict[str, list[int]] = {}
     for row, digest in enumerate(population["sha256"].tolist()):
         if digest:

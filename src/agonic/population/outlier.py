@@ -9,12 +9,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
+from agonic.calibration.decomposition import PAIRS
 from agonic.health.finding import figure
 from agonic.maths.estimation.inference import find_discoveries
 from agonic.maths.estimation.robust.tails import Tail, fit_tail
 from agonic.maths.rotations.mounting import right_angles
-from agonic.population.peers import LEAST, Peers, Quantity, find_peers
-from agonic.population.population import AXES, PAIRS, Population
+from agonic.population.peers import MIN_PEERS, Peers, Quantity, find_peers
+from agonic.population.population import AXES, Population
 from agonic.readable import Shown
 from agonic.units import RAW
 
@@ -29,9 +30,7 @@ class Likelihoods(NamedTuple):
 
     def evidence(self) -> Array:
         """The e-value against unswapped axes: the mean likelihood ratio over the other swaps, (n,).
-
-        A regular member reaches e ≥ 1/p with a probability of at most p.
-        """
+        A regular member reaches e ≥ 1/p with a probability of at most p."""
         others = self.log[:, 1:] - self.log[:, :1]
         largest = others.max(axis=1)
         mean = np.exp(others - largest[:, None]).mean(axis=1)
@@ -44,10 +43,8 @@ def list_swaps() -> Array:
 
 
 def swap_axes(parameters: Array, turn: Array) -> Array:
-    """Bias, gains and cross-axis terms xy xz yz (…, 9) of the sensor with its axes swapped.
-
-    b' = P b, W' = P W Pᵀ.
-    """
+    """Bias, gains and cross-axis terms xy xz yz (…, 9) of the sensor with its axes swapped. b' = P
+    b, W' = P W Pᵀ."""
     own = np.argmax(np.abs(turn), axis=1)
     sign = turn[range(3), own]
     pairs = [PAIRS.index((min(own[a], own[b]), max(own[a], own[b]))) for a, b in PAIRS]
@@ -74,7 +71,7 @@ def compute_likelihoods(parameters: Array, sd: Array, centre: Array, spread: Arr
     return Likelihoods(turns, log)
 
 
-RATE = 0.03
+MIN_DISCOVERY_RATE = 0.03
 """Of all sensors named, the share that chance may have named at most, where they are many."""
 
 GEOMETRY = ("bias", "gain", "cross")
@@ -102,10 +99,8 @@ class Outlier:
 
 @dataclass(frozen=True)
 class Tested:
-    """One quantity of sensors, above or below or in all directions: how far out each is.
-
-    `members` are those that have a distance, on this side; `times` is theirs in what is common.
-    """
+    """One quantity of sensors, above or below or in all directions: how far out each is. `members`
+    are those that have a distance, on this side; `times` is theirs in what is common."""
 
     name: str
     quantity: Quantity
@@ -164,7 +159,7 @@ def choose_rate(sensors: int) -> float:
     less than a board that is missed. Still of n regular ones at most 0.5 % are named by chance,
     and where a tenth is bad, chance adds no more than 0.3 sensors to the list.
     """
-    return max(RATE, min(0.1, 0.005 * sensors, 3.0 / max(sensors, 1)))
+    return max(MIN_DISCOVERY_RATE, min(0.1, 0.005 * sensors, 3.0 / max(sensors, 1)))
 
 
 def list_tests(name: str, quantity: Quantity) -> Iterator[Tested]:
@@ -176,7 +171,7 @@ def list_tests(name: str, quantity: Quantity) -> Iterator[Tested]:
     sides = {"magnitude": both, "noise": both, "spread": (above,)}.get(name, (known,))
     for side in sides:
         members = np.flatnonzero(known & side)
-        if known.sum() >= LEAST and 2 * len(members) >= LEAST // len(sides):
+        if known.sum() >= MIN_PEERS and 2 * len(members) >= MIN_PEERS // len(sides):
             far, dimensions = distance[members], quantity.values.shape[1]
             tail = fit_tail(far, dimensions)
             times = far / (tail.scale * float(np.sqrt(dimensions)))
@@ -199,10 +194,8 @@ def _make_outlier(
 
 
 def _order(found: Iterable[Outlier], turned: Iterable[Outlier]) -> tuple[Outlier, ...]:
-    """Sensors in the order of their rows; swapped axes explain what else their geometry shows.
-
-    So does one gain the magnitude.
-    """
+    """Sensors in the order of their rows; swapped axes explain what else their geometry shows. So
+    does one gain the magnitude."""
     swaps, others = list(turned), list(found)
     explained = {(one.row, name) for one in swaps for name in GEOMETRY}
     explained |= {(one.row, "magnitude") for one in others if one.quantity == "gain"}

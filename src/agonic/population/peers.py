@@ -15,17 +15,15 @@ from agonic.maths.estimation.robust.robust_spread import estimate_robust_spread
 from agonic.population.population import Population
 from agonic.units import RAW
 
-LEAST = 8
+MIN_PEERS = 8
 """Fewer sensors do not tell what is usual among them."""
 
-MATTERS = 0.002
+LEAST_FIELD_SHARE = 0.002
 """Share of the field below which a difference does not matter: about 0.1° of heading."""
 
-FACTOR = 1.5
+LEAST_FACTOR = 1.5
 """Noise and spread that differ by less than this factor do not matter."""
 
-ELSEWHERE = 0.03
-"""Relative difference of the field between places near each other, which does not matter."""
 
 _EARLY = datetime.min.replace(tzinfo=UTC)
 
@@ -33,10 +31,8 @@ _EARLY = datetime.min.replace(tzinfo=UTC)
 @dataclass(frozen=True)
 class Quantity:
     """One thing that is compared: values and their standard errors (n, k), and what is usual.
-
-    `centre` and `spread` (k,) are of the population, without the errors of the fits; differences
-    of `least` or below do not matter. Magnitude, noise and spread are natural logarithms.
-    """
+    `centre` and `spread` (k,) are of the population, without the errors of the fits; differences of
+    `least` or below do not matter. Magnitude, noise and spread are natural logarithms."""
 
     values: Array
     sd: Array
@@ -60,10 +56,8 @@ class Quantity:
 @dataclass(frozen=True)
 class Peers:
     """Sensors whose figures have the same units and, where there are enough, the same channel.
-
     `rows` (n,) are their rows in `population`: of each sensor the latest good calibration, or the
-    latest to be checked; of a log that is there more than once, the first copy.
-    """
+    latest to be checked; of a log that is there more than once, the first copy."""
 
     population: Population
     rows: Index
@@ -77,7 +71,7 @@ class Peers:
     @property
     def enough(self) -> bool:
         """Whether they are enough to tell what is usual."""
-        return len(self) >= LEAST
+        return len(self) >= MIN_PEERS
 
     @property
     def name(self) -> str:
@@ -106,14 +100,15 @@ class Peers:
         log_sd = 1.0 / np.sqrt(2.0 * readings)[:, None]
         bias = self.population.bias[self.rows]
         bias_sd = _fill_errors(self.population.bias_sd[self.rows])
-        least = MATTERS * self.field if np.isfinite(self.field) else 0.0
+        least = LEAST_FIELD_SHARE * self.field if np.isfinite(self.field) else 0.0
         return {
             "bias": make_quantity(bias, bias_sd, least),
-            "gain": make_quantity(gain, gain_sd, MATTERS * usual),
-            "cross": make_quantity(cross, cross_sd, MATTERS * usual),
-            "magnitude": make_quantity(self._own_magnitude(), 0.0 * log_sd, ELSEWHERE),
-            "noise": make_quantity(self._log("noise"), log_sd, float(np.log(FACTOR))),
-            "spread": make_quantity(self._log("spread_after"), log_sd, float(np.log(FACTOR))),
+            "gain": make_quantity(gain, gain_sd, LEAST_FIELD_SHARE * usual),
+            "cross": make_quantity(cross, cross_sd, LEAST_FIELD_SHARE * usual),
+            # between places near each other
+            "magnitude": make_quantity(self._own_magnitude(), 0.0 * log_sd, 0.03),
+            "noise": make_quantity(self._log("noise"), log_sd, float(np.log(LEAST_FACTOR))),
+            "spread": make_quantity(self._log("spread_after"), log_sd, float(np.log(LEAST_FACTOR))),
         }
 
     @property
@@ -134,11 +129,9 @@ class Peers:
 
 
 def find_peers(population: Population) -> tuple[Peers, ...]:
-    """The groups of sensors that are compared with one another, the largest first.
-
-    Rows that were refused take no part. A channel of a log forms a group of its own where it has
-    eight sensors or more; all others with the same units are put together.
-    """
+    """The groups of sensors that are compared with one another, the largest first. Rows that were
+    refused take no part. A channel of a log forms a group of its own where it has eight sensors or
+    more; all others with the same units are put together."""
     rows = _choose_rows(population)
     columns = [population[name][rows].tolist() for name in ("unit_in", "unit_out", "channel")]
     who = list(zip(*columns, strict=True))
@@ -146,7 +139,7 @@ def find_peers(population: Population) -> tuple[Peers, ...]:
     channels = Counter(key[:2] for key in size)
     grouped: dict[tuple[str, str, str | None], list[int]] = {}
     for row, key in zip(rows, who, strict=True):
-        named = size[key] >= LEAST and channels[key[:2]] > 1
+        named = size[key] >= MIN_PEERS and channels[key[:2]] > 1
         grouped.setdefault(key if named else (*key[:2], None), []).append(row)
     made = [Peers(population, np.array(at), *key) for key, at in grouped.items()]
     return tuple(sorted(made, key=lambda group: (-len(group), group.name)))

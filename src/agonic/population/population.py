@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.arrays import Array, Mask
+from agonic.calibration.decomposition import PAIRS
 from agonic.errors import AgonicError
 from agonic.health import Verdict
 from agonic.readable import Readable
@@ -108,7 +109,6 @@ COLUMNS: Mapping[str, Any] = {field.name: _HINTS[field.name] for field in fields
 
 AXES = ("x", "y", "z")
 ENTRIES = tuple(f"{i}{j}" for i in AXES for j in AXES)
-PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, eq=False)

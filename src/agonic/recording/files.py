@@ -62,7 +62,7 @@ def _write_all_compasses(results: Sequence[Calibrated], stack: str, folder: Path
     if stack not in USE or len(results) < 2 or not usable:
         return []
     unused = tuple(one.samples.name for one in there if one.verdict == "refused")
-    from agonic.exports.vehicle import write_vehicle  # few logs have several compasses
+    from agonic.exports.targets import write_vehicle  # few logs have several compasses
 
     path = folder / f"compass{TARGETS[stack].suffix}"
     try:

@@ -61,11 +61,9 @@ def fit_axis(label: str, values: Array) -> Axis:
 
 
 class Columns:
-    """Readings put into the columns of a strip by where they lie along its axis.
-
-    `right` (k,) is where each column with readings stands, thousandths of the area; `counts` (k,)
-    how many it holds.
-    """
+    """Readings put into the columns of a strip by where they lie along its axis. `right` (k,) is
+    where each column with readings stands, thousandths of the area; `counts` (k,) how many it
+    holds."""
 
     def __init__(self, x: Axis, along: Array, most: int = BINS) -> None:
         self.most = max(1, min(most, len(along)))
@@ -147,11 +145,9 @@ def along_time(
 
 
 def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
-    """Time since the first reading, or the number of the reading where no times were logged.
-
-    `time` (n,) is that of all readings, `rows` (m,) those that are shown. Findings tell moments by
-    the clock of the log, so the label says where it stood at the first reading.
-    """
+    """Time since the first reading, or the number of the reading where no times were logged. `time`
+    (n,) is that of all readings, `rows` (m,) those that are shown. Findings tell moments by the
+    clock of the log, so the label says where it stood at the first reading."""
     if time is None or len(time) < 2:
         return Axis("reading", 0.0, float(max(rows.max(), 1))), rows.astype(np.float64)
     start, stop = float(time[0]), float(time[-1])

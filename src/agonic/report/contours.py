@@ -12,7 +12,7 @@ from agonic.report.digits import significant
 from agonic.report.markup import Markup, element
 from agonic.report.strips import caption, path, plot
 
-ASPECT = 1.5
+MAP_ASPECT = 1.5
 """Width over height of a map, as `contours.css` has it for plots of the kind "contours"."""
 
 
@@ -20,15 +20,15 @@ def fit_axes(labels: tuple[str, str], at: Array, margin: float = 0.1) -> tuple[A
     """Axes across and up that show places (n, 2) at one scale."""
     low, high = at.min(axis=0), at.max(axis=0)
     middle, span = (low + high) / 2, (1 + 2 * margin) * np.maximum(high - low, 1e-6)
-    tall = max(span[1], span[0] / ASPECT)
-    half = np.array([tall * ASPECT, tall]) / 2
+    tall = max(span[1], span[0] / MAP_ASPECT)
+    half = np.array([tall * MAP_ASPECT, tall]) / 2
     ends = [(float(a), float(b)) for a, b in zip(middle - half, middle + half, strict=True)]
     return Axis(labels[0], *ends[0]), Axis(labels[1], *ends[1])
 
 
 def list_nodes(x: Axis, y: Axis, rows: int = 26) -> tuple[Array, tuple[int, int]]:
     """Places (n, 2) of a grid over two axes, row by row from below, and its (rows, columns)."""
-    shape = (rows, round(rows * ASPECT))
+    shape = (rows, round(rows * MAP_ASPECT))
     up, across = np.linspace(y.low, y.high, shape[0]), np.linspace(x.low, x.high, shape[1])
     return np.stack([np.tile(across, shape[0]), np.repeat(up, shape[1])], axis=1), shape
 

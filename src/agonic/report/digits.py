@@ -33,9 +33,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 def round_to_sd(value: float, sd: float | None) -> str:
     """A number to the second digit of a standard error, or to four digits where there is none.
-
-    Never more than twelve digits, however small the standard error.
-    """
+    Never more than twelve digits, however small the standard error."""
     if not sd:
         return significant(value, 4)
     return group_digits(value, min(_decimals(sd, 2), _decimals(value, 12) if value else 12))

@@ -17,7 +17,7 @@ from agonic.report.section import Section
 from agonic.report.verdict import MEANINGS, moves, sentence
 from agonic.samples import Samples
 
-_LABEL = 8  # characters, so that entries, "Note" and "Written" stand in one column
+_LABEL_WIDTH = 8  # characters, so that entries, "Note" and "Written" stand in one column
 
 
 class Repeated(NamedTuple):
@@ -131,12 +131,9 @@ class Document:
         )
 
     def to_text(self, width: int = text.WIDTH, *, brief: bool = False) -> str:
-        """The result for people, on a terminal so many characters wide.
-
-        One finding a line, the gravest first, with what helps against it; of a refused result no
-        more than those. `brief` leaves out notes, details, tables, and what each of several sensors
-        would say again.
-        """
+        """The result for people, on a terminal so many characters wide. One finding a line, the
+        gravest first, with what helps against it; of a refused result no more than those. `brief`
+        leaves out notes, details, tables, and what each of several sensors would say again."""
         lines = list(self._lines(width, brief))
         if self.next_step:
             lines += ["", text.wrap_command(self.next_step, width=width, label="Next      ")]
@@ -174,7 +171,7 @@ class Document:
         yield from self._say_findings(width, brief)
         if self.verdict != "refused":
             entries = {**(self.entries or {}), **((not brief and self.details) or {})}
-            least = _LABEL if self.verdict else 0
+            least = _LABEL_WIDTH if self.verdict else 0
             yield from text.wrap_entries(entries, width=width, least=least)
             for section in self.sections:
                 if section.printed and not brief:
@@ -213,7 +210,7 @@ class Document:
         found, rest = self._split_status()
         for finding, says in found:
             if finding.severity != "note" or not brief or finding.name == NOT_READ:
-                label = f"{tables.SEVERITIES[finding.severity][1]:<{_LABEL}}  "
+                label = f"{tables.SEVERITIES[finding.severity][1]:<{_LABEL_WIDTH}}  "
                 yield text.wrap(says, width=width, indent=indent, label=label)
         if rest:
             yield text.wrap(rest, width=width, indent=indent)

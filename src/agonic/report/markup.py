@@ -20,10 +20,8 @@ def markup(*children: str) -> Markup:
 
 
 def element(name: str, *children: str, **attributes: str | float | None) -> Markup:
-    """An element with its children and attributes; `None` leaves an attribute out.
-
-    A trailing underscore keeps clear of Python's words, the others become hyphens.
-    """
+    """An element with its children and attributes; `None` leaves an attribute out. A trailing
+    underscore keeps clear of Python's words, the others become hyphens."""
     written = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{escape(str(value))}"'
         for key, value in attributes.items()

@@ -14,11 +14,9 @@ from agonic.report.markup import Markup, element, markup, table
 
 @dataclass(frozen=True)
 class Table:
-    """A table: its head and its rows, whose first cell names them.
-
-    `style` are its classes in the style sheets; `scrolls` lets it be wider than a small screen.
-    Cells of a table that is printed as text are plain strings.
-    """
+    """A table: its head and its rows, whose first cell names them. `style` are its classes in the
+    style sheets; `scrolls` lets it be wider than a small screen. Cells of a table that is printed
+    as text are plain strings."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -40,11 +38,9 @@ Block = str | Mapping[str, str] | Table | Drawn
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a document under its heading, which may be empty.
-
-    `printed` sections are part of the plain text too, without what is drawn in them. `style` are
-    classes of the style sheets for all blocks together: "pair" puts two beside each other.
-    """
+    """A part of a document under its heading, which may be empty. `printed` sections are part of
+    the plain text too, without what is drawn in them. `style` are classes of the style sheets for
+    all blocks together: "pair" puts two beside each other."""
 
     title: str
     blocks: Sequence[Block]

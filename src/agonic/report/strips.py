@@ -133,11 +133,9 @@ def _arrows(columns: Columns, beyond: Mask, sign: str, at: str) -> list[Markup]:
 
 
 def robust_limit(values: Array, least: float, weights: Array | None = None) -> float:
-    """Half the height of a strip about zero: what counted is inside, gross outliers are not.
-
-    The 99.5th percentile of what counted, but never less than `least`, nor more than twelve times
-    the median distance from zero (eight standard deviations of a normal distribution).
-    """
+    """Half the height of a strip about zero: what counted is inside, gross outliers are not. The
+    99.5th percentile of what counted, but never less than `least`, nor more than twelve times the
+    median distance from zero (eight standard deviations of a normal distribution)."""
     counted = values if weights is None or not weights.any() else values[weights > 0]
     away = np.abs(counted)
     if not len(away):

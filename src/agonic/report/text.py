@@ -39,10 +39,8 @@ def wrap_command(command: str, *, width: int = WIDTH, label: str = "") -> str:
 
 
 def wrap_entries(entries: Mapping[str, str], *, width: int = WIDTH, least: int = 0) -> list[str]:
-    """Each entry on as many lines as it takes, its label before it, `least` characters wide.
-
-    Lines of an entry stay lines.
-    """
+    """Each entry on as many lines as it takes, its label before it, `least` characters wide. Lines
+    of an entry stay lines."""
     wide = max(least, *map(len, entries), 0) + 2
     return [
         wrap(line, width=width, label=f"{'' if k else label:<{wide}}")

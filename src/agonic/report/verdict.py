@@ -20,10 +20,8 @@ WHEN_GOOD = (
 
 
 def moves(findings: Iterable[Finding]) -> list[str]:
-    """What helps against findings, that of the gravest first; notes need nothing done.
-
-    To record longer comes after what another finding asks for: it helps against no cause.
-    """
+    """What helps against findings, that of the gravest first; notes need nothing done. To record
+    longer comes after what another finding asks for: it helps against no cause."""
     found = sorted(findings, key=lambda finding: finding.move.startswith(RECORD_LONGER))
     return [
         finding.move

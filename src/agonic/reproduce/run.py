@@ -93,11 +93,9 @@ def load_documents() -> dict[str, Source]:
 
 
 def with_own_data(source: Source, given: Sequence[Path]) -> Source:
-    """The document with files and folders of the user in the place of its own, in their order.
-
-    What makes the replaced ones is left out, and so is all that rests on none of them or needs the
-    truth of a simulation.
-    """
+    """The document with files and folders of the user in the place of its own, in their order. What
+    makes the replaced ones is left out, and so is all that rests on none of them or needs the truth
+    of a simulation."""
     if len(given) > len(source.data):
         raise AgonicError(f"{source.name} takes {', '.join(source.data)} of your own, no more")
     for one in given:

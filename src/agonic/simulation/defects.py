@@ -105,10 +105,8 @@ def drifting(offset: ArrayLike) -> Defect:
 
 
 def with_correlated_noise(sd: float, correlation_s: float, *, seed: int = 0) -> Defect:
-    """Gauss–Markov noise on each axis, e(t + Δ) = e(t) exp(−Δ/`correlation_s`) + white noise.
-
-    `sd` is that of one reading; rows are taken to be evenly spaced.
-    """
+    """Gauss–Markov noise on each axis, e(t + Δ) = e(t) exp(−Δ/`correlation_s`) + white noise. `sd`
+    is that of one reading; rows are taken to be evenly spaced."""
 
     def defect(samples: Samples) -> Samples:
         kept = np.exp(-np.median(np.diff(_time(samples))) / correlation_s)
@@ -122,9 +120,7 @@ def with_correlated_noise(sd: float, correlation_s: float, *, seed: int = 0) -> 
 
 def delayed(seconds: float) -> Defect:
     """A field that arrives late beside the other columns: field(t) becomes field(t − `seconds`).
-
-    Rows between two readings are interpolated, those without a reading on both sides left out.
-    """
+    Rows between two readings are interpolated, those without a reading on both sides left out."""
 
     def defect(samples: Samples) -> Samples:
         time = _time(samples)
@@ -147,10 +143,8 @@ def duplicated(times: int = 2) -> Defect:
 
 
 def mixed(other: Samples) -> Defect:
-    """The rows of two sensors in turn under one name, in the columns that both have.
-
-    Rows of `other` come half an interval after their partners where the times are the same.
-    """
+    """The rows of two sensors in turn under one name, in the columns that both have. Rows of
+    `other` come half an interval after their partners where the times are the same."""
 
     def defect(samples: Samples) -> Samples:
         time, second = _time(samples), _time(other)

@@ -80,10 +80,8 @@ def fly(
     turns_deg: tuple[float, float] = (60.0, 210.0),
     bank_deg: float | None = None,
 ) -> Flown:
-    """A flight of legs and coordinated turns of `turns_deg`, from and to.
-
-    `bank_deg` is the steepest bank of the turns. Without a bank the turns are flown at 15°/s.
-    """
+    """A flight of legs and coordinated turns of `turns_deg`, from and to. `bank_deg` is the
+    steepest bank of the turns. Without a bank the turns are flown at 15°/s."""
     if vehicle not in _SPEED_AND_LEAN:
         raise AgonicError(f"no vehicle {vehicle!r}; choose from {', '.join(_SPEED_AND_LEAN)}")
     speed, lean_deg = _SPEED_AND_LEAN[vehicle]
@@ -149,10 +147,8 @@ def draw_course(
     rate_deg_s: float,
     turns_deg: tuple[float, float] = (60.0, 210.0),
 ) -> Function:
-    """The course in degrees: constant on legs, turning smoothly between them.
-
-    Turns of so many degrees, to either side, at `rate_deg_s` on average.
-    """
+    """The course in degrees: constant on legs, turning smoothly between them. Turns of so many
+    degrees, to either side, at `rate_deg_s` on average."""
     n = int(np.ceil(duration_s / leg_s)) + 1
     turns = rng.uniform(*turns_deg, n) * rng.choice([-1.0, 1.0], n)
     lasting = np.abs(turns) / rate_deg_s

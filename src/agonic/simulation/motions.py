@@ -84,11 +84,9 @@ def belt(
     tilt_deg: float = 10.0,
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> Motion:
-    """Independent attitudes with the field within ±`tilt_deg` of the plane square to `axis`.
-
-    Field directions are uniform by area in that belt (sphere axes), and the turn about the field
-    is uniform.
-    """
+    """Independent attitudes with the field within ±`tilt_deg` of the plane square to `axis`. Field
+    directions are uniform by area in that belt (sphere axes), and the turn about the field is
+    uniform."""
     longitude, twist = rng.uniform(0, 2 * np.pi, (2, len(time)))
     latitude = np.arcsin(np.sin(np.radians(tilt_deg)) * rng.uniform(-1, 1, len(time)))
     onto_z = _turn_tilt_turn(twist, latitude - np.pi / 2, -longitude)
@@ -96,10 +94,8 @@ def belt(
 
 
 def hand(time: Array, rng: np.random.Generator, field_n: Array) -> Motion:
-    """Figure eights of a hand: pitch swings twice for each swing of roll, while one turns round.
-
-    It covers most of the sphere, unevenly: much at the ends of the swings, a little never.
-    """
+    """Figure eights of a hand: pitch swings twice for each swing of roll, while one turns round. It
+    covers most of the sphere, unevenly: much at the ends of the swings, a little never."""
     period = rng.uniform(5.0, 7.0)
     turn_period = rng.uniform(20.0, 30.0)
     phase = rng.uniform(0, 2 * np.pi, 4)
@@ -125,11 +121,9 @@ def circle(
     smooth: bool = True,
     period_s: float = 12.0,
 ) -> Motion:
-    """All headings, tilted by 0…`tilt_deg` towards any side, all three uniformly.
-
-    Smooth: yaw circles of `period_s` under a tilt that swings through level. Otherwise every
-    attitude is drawn by itself.
-    """
+    """All headings, tilted by 0…`tilt_deg` towards any side, all three uniformly. Smooth: yaw
+    circles of `period_s` under a tilt that swings through level. Otherwise every attitude is drawn
+    by itself."""
     if not smooth:
         shares = rng.uniform(size=(3, len(time)))
         yaw, side = 2 * np.pi * shares[:2]

@@ -47,6 +47,9 @@ def kinds() -> tuple[str, ...]:
     return tuple(_MOTIONS)
 
 
+_NO_FACTS = ("calibration", "counts_per_nT", "defects", "settings")
+
+
 def simulate(
     kind: str,
     *,
@@ -98,24 +101,19 @@ def simulate(
     >>> bool(np.allclose(s.truth.correct(s.samples.field), s.field_b))
     True
     """
+    facts = {name: value for name, value in locals().items() if name not in _NO_FACTS}
     settings = _settings(kind, settings)
-    facts = {
-        "kind": kind,
-        "n": n,
-        "rate_Hz": rate_Hz,
-        "magnitude": magnitude,
-        "inclination_deg": inclination_deg,
-        "declination_deg": declination_deg,
-        "noise": noise,
-        "seed": seed,
-        **settings,
-    }
-    _check_positive(facts)
+    facts |= settings
+    for name, value in facts.items():
+        if (name in ("n", "rate_Hz", "magnitude") or name.endswith("_s")) and not value > 0:
+            raise AgonicError(f"{name} is {value}; a simulation needs it above zero")
     motion_rng, noise_rng, truth_rng = np.random.default_rng(seed).spawn(3)
     truth = random_calibration(truth_rng) if calibration is None else calibration
     truth = replace(truth, noise=noise, magnitude=magnitude)
     time = np.arange(n) / rate_Hz
-    field_n = _earth_field(magnitude, inclination_deg, declination_deg)
+    dip, east = np.radians(inclination_deg), np.radians(declination_deg)
+    level = np.cos(dip)
+    field_n = magnitude * np.array([level * np.cos(east), level * np.sin(east), np.sin(dip)])
     motion = _MOTIONS[kind](time, motion_rng, field_n, **settings)
     field_b = motion.rot_nb.apply(field_n, inverse=True) + motion.stray_b
     raw = field_b @ np.linalg.inv(truth.matrix).T + truth.bias
@@ -145,20 +143,6 @@ def _settings(kind: str, given: Mapping[str, Any]) -> dict[str, Any]:
         offer = ", ".join(defaults) or "none of its own"
         raise AgonicError(f"{kind!r} has no setting {', '.join(unknown)}; it takes {offer}")
     return defaults | dict(given)
-
-
-def _check_positive(settings: Mapping[str, Any]) -> None:
-    """Numbers, rates, magnitudes and durations must be above zero."""
-    for name, value in settings.items():
-        if (name in ("n", "rate_Hz", "magnitude") or name.endswith("_s")) and not value > 0:
-            raise AgonicError(f"{name} is {value}; a simulation needs it above zero")
-
-
-def _earth_field(magnitude: float, inclination_deg: float, declination_deg: float) -> Array:
-    """North, east and down components of F, I and D."""
-    dip, east = np.radians(inclination_deg), np.radians(declination_deg)
-    level = np.cos(dip)
-    return magnitude * np.array([level * np.cos(east), level * np.sin(east), np.sin(dip)])
 
 
 def _to_counts(truth: Affine, counts_per_nT: float) -> Affine:

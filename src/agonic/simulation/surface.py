@@ -68,10 +68,8 @@ def car(
     latitude_deg: float = 52.0,
     longitude_deg: float = 13.0,
 ) -> Motion:
-    """Streets of some `leg_s` joined by flat turns of 20°/s, speeding up, slowing and stopping.
-
-    The road's slope and camber wander by `slope_sd_deg` and the body leans a little on its springs.
-    """
+    """Streets of some `leg_s` joined by flat turns of 20°/s, speeding up, slowing and stopping. The
+    road's slope and camber wander by `slope_sd_deg` and the body leans a little on its springs."""
     ahead = draw_course(rng, time[-1], leg_s, rate_deg_s=20.0, turns_deg=(60.0, 120.0))
     pace = draw_smooth(rng, time[-1], sd=0.5 * speed_m_s, pace_s=10.0)
     slope, camber = (draw_smooth(rng, time[-1], sd=slope_sd_deg, pace_s=8.0) for _ in range(2))

@@ -9,7 +9,7 @@ from agonic.calibration.base import Validity
 from agonic.calibration.thermal import Thermal
 from agonic.maths.equation.symmetric import unpack_symmetric
 
-DEGREE = 3
+TRUE_DEGREE = 3
 
 
 def make_readings(truth: Thermal, field: Array, temperature: Array, rate: Array) -> Array:
@@ -33,10 +33,10 @@ def random_drifting(
 ) -> Thermal:
     """A sensor to find: bias and matrix cubic in temperature."""
     direction = rng.standard_normal(3)
-    biases = np.zeros((DEGREE + 1, 3))
+    biases = np.zeros((TRUE_DEGREE + 1, 3))
     biases[0] = bias * direction / np.linalg.norm(direction)
     biases[1:] = _cubics(rng, drift * rng.uniform(0.2, 1.0, 3))
-    entries = np.zeros((DEGREE + 1, 6))
+    entries = np.zeros((TRUE_DEGREE + 1, 6))
     entries[0] = [1, 1, 1, 0, 0, 0] + soft_iron * rng.uniform(-1, 1, 6) * [1, 1, 1, 0.5, 0.5, 0.5]
     entries[1:] = _cubics(rng, gain_drift * rng.uniform(0.2, 1.0, 6) * [1, 1, 1, 0.5, 0.5, 0.5])
     return Thermal(

@@ -55,6 +55,12 @@ class SimulatedVehicle(Readable):
     facts: Mapping[str, Any]
 
 
+_NO_FACTS = (
+    *("sensors", "bias", "calibrations", "stray_nT_A", "motors_nT", "field_n"),
+    *("latitude_deg", "longitude_deg", "altitude_m", "epoch"),
+)
+
+
 def simulate_vehicle(
     *,
     n: int = 12_000,
@@ -126,21 +132,7 @@ def simulate_vehicle(
     >>> bool(np.allclose(flown.rot_nb.apply(field_b), flown.field_n, atol=1e-6))
     True
     """
-    facts = {
-        "n": n,
-        "rate_Hz": rate_Hz,
-        "vehicle": vehicle,
-        "bank_deg": bank_deg,
-        "leg_s": leg_s,
-        "noise": noise,
-        "placing": placing,
-        "full_current_A": full_current_A,
-        "latency_s": latency_s,
-        "attitude_sd_deg": attitude_sd_deg,
-        "heading_sd_deg": heading_sd_deg,
-        "correlation_s": correlation_s,
-        "seed": seed,
-    }
+    facts = {name: value for name, value in locals().items() if name not in _NO_FACTS}
     _check(facts, sensors, calibrations)
     generators = np.random.default_rng(seed).spawn(5)
     way_rng, noise_rng, truth_rng, attitude_rng, motor_rng = generators

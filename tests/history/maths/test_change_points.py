@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agonic.history.maths.change_points import FEWEST, ChangePoint, find_change_points
+from agonic.history.maths.change_points import MIN_VALUES, ChangePoint, find_change_points
 from agonic.history.maths.drift_model import Series
 
 CHANCE = 0.004
@@ -80,7 +80,7 @@ def test_a_long_series_is_looked_through_in_windows() -> None:
 
 
 def test_too_few_values_have_no_shifts() -> None:
-    n = FEWEST - 1
+    n = MIN_VALUES - 1
     assert (
         find_change_points(sensor(n, MADE_OF["scatter"], 0, stepping(n, 3, 1000.0)), CHANCE) == []
     )

@@ -26,7 +26,7 @@ def test_the_boxes_hold_the_moments_of_every_reading():
     boxes, _ = put(SPHERE)
     direct = moments.accumulate(SPHERE, boxes.centre, boxes.scale)
     np.testing.assert_allclose(boxes.sums.sum(axis=0), direct, rtol=1e-12, atol=1e-9)
-    assert len(boxes.keys) <= voxels.MOST
+    assert len(boxes.keys) <= voxels.MAX_BOXES
     assert len(np.unique(boxes.keys, axis=0)) == len(boxes.keys)
 
 

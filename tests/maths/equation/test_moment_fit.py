@@ -20,7 +20,7 @@ def readings(rng, n, noise=200.0, highest=1.0):
     return FIELD * u @ np.linalg.inv(MATRIX).T + BIAS + noise * rng.normal(size=u.shape)
 
 
-def fitted(rows, most=voxels.MOST):
+def fitted(rows, most=voxels.MAX_BOXES):
     """Bias and matrix (9,) in nT and per nT, their standard errors, and the noise."""
     boxes, _ = voxels.add_readings(voxels.begin(rows[0], 16.0), rows, most)
     centre = rows.mean(axis=0)

@@ -86,11 +86,9 @@ def _one(steps: tuple[object, ...]) -> Affine | None:
 
 Float32 = NDArray[np.float32]
 
-EDGE, FAR = 2, 2
-"""Known readings where it was trained, on the way out, and outside."""
-TRIED = 500
+TRIED_ROWS = 500
 """Readings like those of the training, on which the error of float32 is told."""
-ROOM = 8.0
+TOLERANCE_FACTOR = 8.0
 """How much more the self-test allows: tanhf and the order of sums differ between processors."""
 EPS = float(np.finfo(np.float32).eps)
 
@@ -119,8 +117,8 @@ def make_known_readings(parts: Parts) -> Known:
     tried = _readings(parts, _like_training(parts, rng), rng)
     error = _error(parts, tried, _exact(parts, tried)[0])
     least = 2 * EPS * float(np.abs(field).max())
-    tolerance = ROOM * max(error, _error(parts, known, field), least)
-    return Known(rows, float(f"{tolerance:.1g}"), error, TRIED)
+    tolerance = TOLERANCE_FACTOR * max(error, _error(parts, known, field), least)
+    return Known(rows, float(f"{tolerance:.1g}"), error, TRIED_ROWS)
 
 
 def _points(parts: Parts, rng: np.random.Generator) -> Array:
@@ -132,19 +130,19 @@ def _points(parts: Parts, rng: np.random.Generator) -> Array:
     names = signals(network.inputs)
     moved = np.array([name.startswith("field") or "field_x" not in names for name in names])
     size = np.linalg.norm(centres * moved, axis=1)
-    outer = centres[np.argsort(size)[-max(EDGE, FAR) :]]
+    outer = centres[np.argsort(size)[-2:]]
     away = outer * moved
     away *= network.reach / np.linalg.norm(away, axis=1, keepdims=True)
     # not at half-way itself, where rounding decides which side it is on
-    return np.concatenate([near, (outer + 1.3 * away)[:EDGE], (outer + 4.0 * away)[:FAR]])
+    return np.concatenate([near, outer + 1.3 * away, outer + 4.0 * away])
 
 
 def _like_training(parts: Parts, rng: np.random.Generator) -> Array:
     """Inputs x (n, i) within reach of the points that cover the training."""
     network = parts.network
-    way = rng.normal(size=(TRIED, network.shape.inputs))
-    way *= network.reach * rng.uniform(0, 1, (TRIED, 1)) / np.linalg.norm(way, axis=1)[:, None]
-    return np.asarray(network.centres[rng.integers(len(network.centres), size=TRIED)] + way)
+    way = rng.normal(size=(TRIED_ROWS, network.shape.inputs))
+    way *= network.reach * rng.uniform(0, 1, (TRIED_ROWS, 1)) / np.linalg.norm(way, axis=1)[:, None]
+    return np.asarray(network.centres[rng.integers(len(network.centres), size=TRIED_ROWS)] + way)
 
 
 def _readings(parts: Parts, x: Array, rng: np.random.Generator) -> _Readings:

@@ -23,10 +23,11 @@ SKETCHES = (
 def write_library(folder: Path, files: Sequence[Path]) -> tuple[Path, ...]:
     """Beside C files in `folder/src`, what makes them a library; all its files."""
     name, template, sketch = _choose_sketch(files)
+    numbers = re.match(r"\d+\.\d+\.\d+", __version__)  # all that both take
     headers = [file.name for file in files if file.suffix == ".h"]
     values = {
         "name": name,
-        "version": _version(),
+        "version": numbers[0] if numbers else "0.0.0",
         "url": URL,
         "includes": ",".join(headers),
         "listed": ",\n".join(f'    "{header}"' for header in headers),
@@ -55,12 +56,6 @@ def _choose_sketch(files: Sequence[Path]) -> tuple[str, str, str]:
                 template = "tracker_with_gyro"
             return first.removesuffix(ending), template, sketch
     raise AgonicError(f"{first} is not a header that can become a library")
-
-
-def _version() -> str:
-    """Three numbers, which is all that both take."""
-    found = re.match(r"\d+\.\d+\.\d+", __version__)
-    return found[0] if found else "0.0.0"
 
 
 def _write_sketch(template: str, name: str, files: Sequence[Path]) -> str:

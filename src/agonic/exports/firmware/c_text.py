@@ -113,10 +113,8 @@ def _write_value(value: Any) -> str:
 
 
 def make_c_name(sensor: str) -> str:
-    """What the identifiers of a sensor's C begin with, so that several go in one program.
-
-    Where letters had to be replaced, a checksum of the name follows.
-    """
+    """What the identifiers of a sensor's C begin with, so that several go in one program. Where
+    letters had to be replaced, a checksum of the name follows."""
     plain = re.sub(r"\[(\d+)\]$", r"_\1", sensor).lower()
     name = re.sub(r"[^a-z0-9_]", "_", plain)
     if name != plain:

@@ -21,11 +21,11 @@ from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import GRAVITY_SHARE, find_weakest
 from agonic.units import STANDARD_GRAVITY_M_S2
 
-U = 2.0**-24
+ROUNDOFF = 2.0**-24
 """Half a unit in the last place of 1, float32."""
 DEGREES = 57.2957795
 """As the C has it."""
-LIBRARY = 2.0
+ULPS = 2.0
 """Units in the last place by which sinf, cosf and atan2f of a library may be off: those of glibc
 and newlib by less than one (Zimmermann et al., Accuracy of Mathematical Functions, 2024)."""
 _WHOLE = 2.0**-16  # half a unit in the last place of 256 to 512 degrees
@@ -48,12 +48,10 @@ def compute_error_bound_deg(plan: Plan) -> float | None:
 
 
 def _bound_sum_deg(added_deg: float) -> float:
-    """Of a heading of 0 to 360° to which so much is added, brought back to 0 to 360°.
-
-    Taking 360 off is exact; adding it rounds, after a sum that is no larger than what was added.
-    """
+    """Of a heading of 0 to 360° to which so much is added, brought back to 0 to 360°. Taking 360
+    off is exact; adding it rounds, after a sum that is no larger than what was added."""
     beyond = 2.0 if 360.0 + added_deg >= 512.0 else 1.0
-    return float(max(beyond * _WHOLE, _WHOLE + U * added_deg))
+    return float(max(beyond * _WHOLE, _WHOLE + ROUNDOFF * added_deg))
 
 
 def _bound_compass_rad(plan: Plan, which: int) -> float:
@@ -63,7 +61,7 @@ def _bound_compass_rad(plan: Plan, which: int) -> float:
     turned, short = _bound_levelling(plan)
     units = own / strength + turned
     return float(
-        units * (strength / level) / short + LIBRARY * _PI_UNIT + np.pi * (_of_degrees() + U)
+        units * (strength / level) / short + ULPS * _PI_UNIT + np.pi * (_of_degrees() + ROUNDOFF)
     )
 
 
@@ -88,16 +86,14 @@ def _find_domain(plan: Plan, which: int) -> tuple[float, float]:
 
 
 def _bound_product(calibration: Affine, size: float) -> float:
-    """Of matrix (raw − bias), by length, for results of such a length, in their unit.
-
-    The difference rounds once, the products once, the sums twice.
-    """
+    """Of matrix (raw − bias), by length, for results of such a length, in their unit. The
+    difference rounds once, the products once, the sums twice."""
     exact, bias = calibration.matrix, calibration.bias
     inverse = float(np.linalg.norm(np.linalg.inv(exact), 2))
     reach = float(np.linalg.norm(np.abs(exact), 2))
-    difference = np.linalg.norm(_lose(bias)) + U * inverse * size
+    difference = np.linalg.norm(_lose(bias)) + ROUNDOFF * inverse * size
     lost = float(np.linalg.norm(np.abs(_lose(exact)), 2)) * inverse * size
-    return float(reach * (difference + 3 * U * inverse * size) + lost)
+    return float(reach * (difference + 3 * ROUNDOFF * inverse * size) + lost)
 
 
 def _lose(values: Array) -> Array:
@@ -116,19 +112,21 @@ def _bound_levelling(plan: Plan) -> tuple[float, float]:
         return 0.0, 1.0
     if plan.tilt == "angles":
         tilted = np.radians(plan.setup.tilt_limit_deg)
-        angle = 2 * tilted * (_of_degrees() + U)  # roll and pitch turn the field by their errors
+        angle = (
+            2 * tilted * (_of_degrees() + ROUNDOFF)
+        )  # roll and pitch turn the field by their errors
         # of a sum of two products with sine and cosine: both functions, products and the sum
-        pair = (2**0.5 * LIBRARY + 2) * U
+        pair = (2**0.5 * ULPS + 2) * ROUNDOFF
         return float(angle + np.hypot(2 * pair, pair)), 1.0
     gravity = STANDARD_GRAVITY_M_S2
     force = 0.0
     if plan.accelerometer is not None:
         most = gravity * (1 + GRAVITY_SHARE)
         force = _bound_product(plan.accelerometer, most) / (gravity * (1 - GRAVITY_SHARE))
-    down = force + 5 * U  # squares, two sums, root, quotient
-    vertical = down + 3 * U
-    north = vertical + down + 2 * U
-    east = 2**0.5 * down + 2 * U
+    down = force + 5 * ROUNDOFF  # squares, two sums, root, quotient
+    vertical = down + 3 * ROUNDOFF
+    north = vertical + down + 2 * ROUNDOFF
+    east = 2**0.5 * down + 2 * ROUNDOFF
     return float(np.hypot(north, east)), plan.steepest
 
 
@@ -141,9 +139,9 @@ def _add_deviation(plan: Plan, which: int, compass_deg: float) -> float:
     heel = np.abs(table[which, 5:]) * (plan.setup.tilt_limit_deg if plan.heeled else 0.0)
     once = np.hypot(terms[1], terms[2]) + np.hypot(heel[0], heel[1]) + np.hypot(heel[2], heel[3])
     slope = np.radians(once + 2 * np.hypot(terms[3], terms[4]))
-    angle = 2 * np.pi * (_of_degrees() + U)
+    angle = 2 * np.pi * (_of_degrees() + ROUNDOFF)
     # sine and cosine, products up to three, sums up to six
-    rounded = (2 * LIBRARY + 9) * U * (terms.sum() + heel.sum())
+    rounded = (2 * ULPS + 9) * ROUNDOFF * (terms.sum() + heel.sum())
     heeled = np.radians(heel.sum()) * (_bound_levelling(plan)[0]) if plan.heeled else 0.0
     own = slope * np.degrees(angle) + rounded + heeled
     added = _bound_sum_deg(terms.sum() + heel.sum())
@@ -163,10 +161,10 @@ def _bound_declination_deg(plan: Plan) -> float:
     size = max(float(np.abs(part).max()) for part in parts)
     # a place in steps: the edge and the step as constants, difference and quotient; a longitude is
     # brought into a circle first, which rounds 720 degrees
-    row = 4 * U * (rows + abs(grid.south) / grid.latitude_step)
-    column = 4 * U * (columns + abs(grid.west) / grid.longitude_step)
+    row = 4 * ROUNDOFF * (rows + abs(grid.south) / grid.latitude_step)
+    column = 4 * ROUNDOFF * (columns + abs(grid.west) / grid.longitude_step)
     column += 4 * _WHOLE / grid.longitude_step
-    each = up * row + along * column + 6 * U * size
+    each = up * row + along * column + 6 * ROUNDOFF * size
     least = float(np.hypot(*parts).min())
-    angle = 2**0.5 * each / least + LIBRARY * _PI_UNIT + np.pi * (_of_degrees() + U)
+    angle = 2**0.5 * each / least + ULPS * _PI_UNIT + np.pi * (_of_degrees() + ROUNDOFF)
     return float(np.degrees(angle)) + _bound_sum_deg(most)

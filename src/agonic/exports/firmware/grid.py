@@ -19,9 +19,9 @@ from agonic.field.place import choose_model
 from agonic.readable import Readable
 
 STEPS_DEG = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.0, 0.75, 0.5, 0.25)
-LARGEST = 20_000
+MAX_NODES = 20_000
 """Nodes of a table, 80 kB: more than a controller spares."""
-UNIT = 2.0
+UNIT_NT = 2.0
 """nT per unit of the table's 16-bit numbers, which hold ±65 534 nT: 0.003° at mid latitudes."""
 
 
@@ -33,7 +33,7 @@ class DeclinationGrid(Readable):
     ----------
     south, west : latitude of the first row, longitude of the first column, degrees.
     latitude_step, longitude_step : degrees, positive; rows go north, columns east.
-    north, east : (rows, columns), components of the field, nT; kept in whole `UNIT`.
+    north, east : (rows, columns), components of the field, nT; kept in whole `UNIT_NT`.
     error_deg : the largest difference from the model that was found between the nodes.
     source : whose values, when.
 
@@ -60,14 +60,14 @@ class DeclinationGrid(Readable):
         if not (self.latitude_step > 0 and self.longitude_step > 0):
             raise AgonicError("the steps of a grid are positive: rows go north, columns east")
         for name in ("north", "east"):
-            values = np.rint(np.asarray(getattr(self, name), dtype=np.float64) / UNIT)
+            values = np.rint(np.asarray(getattr(self, name), dtype=np.float64) / UNIT_NT)
             shaped = values.ndim == 2 and min(values.shape) >= 2
             if not (shaped and (np.abs(values) < 2**15).all()):
                 raise AgonicError(
                     f"{name} needs components in nT, two rows and columns or more, none of them "
                     "missing"
                 )
-            values *= UNIT
+            values *= UNIT_NT
             values.flags.writeable = False
             object.__setattr__(self, name, values)
         if self.north.shape != self.east.shape:
@@ -123,7 +123,7 @@ def declination_grid(
     worst, largest = (south, west), np.inf
     for step in STEPS_DEG:
         rows, columns = (max(1, int(np.ceil(side / step - 1e-9))) for side in (height, width))
-        if (rows + 1) * (columns + 1) > LARGEST:
+        if (rows + 1) * (columns + 1) > MAX_NODES:
             break
         # half steps: every second one is a node, and between nodes the error is largest
         latitudes = south + height * np.linspace(0.0, 1.0, 2 * rows + 1)

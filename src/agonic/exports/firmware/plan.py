@@ -121,10 +121,8 @@ class Plan:
 
     @cached_property
     def sources(self) -> tuple[str, ...]:
-        """What any of the compasses takes beside its readings, each in its form.
-
-        Those of `SOURCES` come first, the rate of the temperature last.
-        """
+        """What any of the compasses takes beside its readings, each in its form. Those of `SOURCES`
+        come first, the rate of the temperature last."""
         compasses = self.setup.compasses
         taken = dict.fromkeys(n for c in compasses for n in list_sources(c.calibration))
         order = (*SOURCES, *(name for name in taken if name not in (*SOURCES, RATE)), RATE)
@@ -156,10 +154,8 @@ class Plan:
 
     @property
     def expected(self) -> tuple[float | None, ...]:
-        """The strength that each compass should read: horizontal where it stays level.
-
-        From the setup, else the magnitude of the calibration; `None` where neither tells.
-        """
+        """The strength that each compass should read: horizontal where it stays level. From the
+        setup, else the magnitude of the calibration; `None` where neither tells."""
         return tuple(self._find_expected(calibration) for calibration in self.calibrations)
 
     def _find_expected(self, calibration: Affine) -> float | None:

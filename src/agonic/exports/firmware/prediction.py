@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +17,21 @@ from agonic.units import RAW, STANDARD_GRAVITY_M_S2, WEAKEST_HORIZONTAL
 
 Flags = NDArray[np.int64]
 
-DISTURBED, STEEP, VERTICAL, OUTSIDE, ACCELERATED, TEMPERATURE = 1, 2, 4, 8, 16, 32
-"""Bits of the status, as in the header."""
+
+class Status(IntFlag):
+    """Why a heading is not to be trusted, bit by bit, as in the header."""
+
+    DISTURBED, STEEP, VERTICAL, OUTSIDE, ACCELERATED, TEMPERATURE = (1 << k for k in range(6))
+
+
 MEMBERS = {"temperature": "temperature_C", "temperature_rate": "temperature_rate_C_s"}
 """The member of the C input for a column of samples, where their names differ."""
 OF_EACH = ("second", *MEMBERS)
 """Columns of which the input has one for each magnetometer."""
 GRAVITY_SHARE = 0.05
 """A specific force this much off gravity is more than a poor accelerometer reads at rest."""
-FAR = 3e38
-LESS = 0.99
+MAX_DISTANCE = 3e38
+CHOICE_SHARE = 0.99
 """Of the disturbance of one compass for another to be chosen over it, so that rounding never is."""
 
 
@@ -65,7 +71,7 @@ def choose_compasses(distance: Array) -> NDArray[np.int64]:
     used = np.zeros(distance.shape[1], dtype=np.int64)
     for which in range(1, len(distance)):
         best = distance[used, np.arange(len(used))]
-        better = (distance[which] <= 1) | (distance[which] < LESS * best)
+        better = (distance[which] <= 1) | (distance[which] < CHOICE_SHARE * best)
         used[(best > 1) & better] = which
     return used
 
@@ -76,19 +82,19 @@ def predict_one(plan: Plan, which: int, inputs: Mapping[str, Array]) -> Predicti
     field = correct_readings(plan, which, inputs["raw"][:, which], inputs)
     tilt, status = compute_tilt(plan, inputs, len(field))
     if plan.warm:
-        status |= np.where(_follow(plan, which, inputs)[1], 0, TEMPERATURE)
+        status |= np.where(_follow(plan, which, inputs)[1], 0, Status.TEMPERATURE)
     level = kernel.heading_with_derivatives(field, tilt, plan.order)
     heading = level.heading_deg
     magnitude = np.linalg.norm(field, axis=1)
     inclination = np.degrees(np.arctan2(level.vertical, level.horizontal))
     strength = level.horizontal if plan.tilt == "level" else magnitude
     distance = compute_disturbance(plan, which, strength, inclination)
-    status |= np.where(distance <= 1, 0, DISTURBED)
-    status |= np.where(level.horizontal >= find_weakest(plan), 0, VERTICAL)
+    status |= np.where(distance <= 1, 0, Status.DISTURBED)
+    status |= np.where(level.horizontal >= find_weakest(plan), 0, Status.VERTICAL)
     magnetic = heading if card is None else card.magnetic(heading, *kernel.roll_pitch_deg(tilt))
     if isinstance(plan.declination, DeclinationGrid):
         declination, outside = plan.declination.at(inputs["latitude_deg"], inputs["longitude_deg"])
-        status |= np.where(outside, OUTSIDE, 0)
+        status |= np.where(outside, Status.OUTSIDE, 0)
     else:
         declination = np.full(len(field), plan.declination)
     return Prediction(
@@ -134,11 +140,11 @@ def compute_tilt(plan: Plan, inputs: Mapping[str, Array], n: int) -> tuple[kerne
             force = plan.accelerometer.correct(force)
         share = np.linalg.norm(force, axis=1) / STANDARD_GRAVITY_M_S2 - 1
         tilt = kernel.tilt_from_down(kernel.down_from_force(force))
-        status |= np.where(np.abs(share) <= GRAVITY_SHARE, 0, ACCELERATED)
+        status |= np.where(np.abs(share) <= GRAVITY_SHARE, 0, Status.ACCELERATED)
     else:
         tilt = kernel.tilt_from_angles(inputs["roll_deg"], inputs["pitch_deg"])
     upright = tilt.cos_roll * tilt.cos_pitch  # cosine between down and the body's own down
-    return tilt, status | np.where(upright >= plan.steepest, 0, STEEP)
+    return tilt, status | np.where(upright >= plan.steepest, 0, Status.STEEP)
 
 
 def compute_disturbance(plan: Plan, which: int, strength: Array, inclination_deg: Array) -> Array:
@@ -150,7 +156,7 @@ def compute_disturbance(plan: Plan, which: int, strength: Array, inclination_deg
     if expected is not None:
         off = np.abs(strength / expected - 1) / max(setup.magnitude_limit, 1e-12)
         distance = np.maximum(distance, off)
-    return np.where(distance <= FAR, distance, FAR)
+    return np.where(distance <= MAX_DISTANCE, distance, MAX_DISTANCE)
 
 
 def find_weakest(plan: Plan) -> float:

@@ -16,7 +16,7 @@ from agonic.exports.firmware.c_text import (
 from agonic.exports.firmware.grid import DeclinationGrid
 from agonic.exports.firmware.plan import Plan
 from agonic.exports.firmware.prediction import (
-    LESS,
+    CHOICE_SHARE,
     MEMBERS,
     Prediction,
     correct_readings,
@@ -27,8 +27,8 @@ from agonic.exports.firmware.sources import write_about
 from agonic.exports.temperature import changes_with_temperature, evaluate_affine
 from agonic.maths.rotations.attitude import rot_nb
 
-CLEAR = 1e-3  # of a disturbance: far beyond rounding
-EDGES = (
+MIN_CLEARANCE = 1e-3  # of a disturbance: far beyond rounding
+EDGE_ANGLES_DEG = (
     (0.0, 0.0, 0.0),
     (0.0, 0.0, 90.0),
     (0.0, 0.0, 180.0),
@@ -46,14 +46,12 @@ EDGES = (
 
 
 def make_known_readings(plan: Plan, count: int = 40, seed: int = 0) -> dict[str, Array]:
-    """Inputs in float32: the edges first, then attitudes up to 80° of tilt, the last disturbed.
-
-    The magnetometers read the field of a place with the dip that the setup expects, or 60°, turned
-    into body axes and back through each calibration.
-    """
+    """Inputs in float32: the edges first, then attitudes up to 80° of tilt, the last disturbed. The
+    magnetometers read the field of a place with the dip that the setup expects, or 60°, turned into
+    body axes and back through each calibration."""
     rng = np.random.default_rng(seed)
-    random = draw_attitudes(rng, max(count - len(EDGES), 3))
-    roll, pitch, heading = np.concatenate([EDGES, random]).T
+    random = draw_attitudes(rng, max(count - len(EDGE_ANGLES_DEG), 3))
+    roll, pitch, heading = np.concatenate([EDGE_ANGLES_DEG, random]).T
     n, k = len(roll), len(plan.calibrations)
     inputs = {"roll_deg": roll, "pitch_deg": pitch}
     turn = rot_nb(roll, pitch, heading)
@@ -160,10 +158,10 @@ def _find_clear(plan: Plan, given: dict[str, Array]) -> Mask:
     """Which rows no rounding decides: disturbances well off the limit, and off one another's."""
     count = len(plan.calibrations)
     distance = np.array([predict_one(plan, k, given).disturbance for k in range(count)])
-    clear = (np.abs(distance - 1) > CLEAR).all(axis=0)
+    clear = (np.abs(distance - 1) > MIN_CLEARANCE).all(axis=0)
     for i, j in itertools.combinations(range(count), 2):
-        share = distance[j] / np.maximum(LESS * distance[i], 1e-12)
-        clear &= (np.abs(share - 1) > CLEAR) | (distance[i] <= 1)
+        share = distance[j] / np.maximum(CHOICE_SHARE * distance[i], 1e-12)
+        clear &= (np.abs(share - 1) > MIN_CLEARANCE) | (distance[i] <= 1)
     return np.asarray(clear)
 
 

@@ -19,9 +19,14 @@ from agonic.exports.firmware.c_text import (
     write_literal,
 )
 from agonic.exports.firmware.error_bound import compute_error_bound_deg
-from agonic.exports.firmware.grid import UNIT, DeclinationGrid
+from agonic.exports.firmware.grid import UNIT_NT, DeclinationGrid
 from agonic.exports.firmware.plan import Plan
-from agonic.exports.firmware.prediction import FAR, GRAVITY_SHARE, LESS, find_weakest
+from agonic.exports.firmware.prediction import (
+    CHOICE_SHARE,
+    GRAVITY_SHARE,
+    MAX_DISTANCE,
+    find_weakest,
+)
 from agonic.exports.temperature import RATE
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
 from agonic.version import __version__
@@ -194,8 +199,8 @@ def _tables(plan: Plan) -> dict[str, Any]:
         "west": float(grid.west),
         "latitude_step": float(grid.latitude_step),
         "longitude_step": float(grid.longitude_step),
-        "unit": f"{UNIT:g}",
-        "table": write_array(np.stack([grid.north, grid.east]) / UNIT, write=write_integer),
+        "unit": f"{UNIT_NT:g}",
+        "table": write_array(np.stack([grid.north, grid.east]) / UNIT_NT, write=write_integer),
     }
 
 
@@ -204,10 +209,12 @@ def _limits(plan: Plan) -> dict[str, Any]:
     level = plan.tilt == "level"
     return {
         "weakest": find_weakest(plan),
-        "less": LESS,
+        "less": CHOICE_SHARE,
         "strength_limit": float(max(plan.setup.magnitude_limit, 1e-12)),
         "dip": float(np.degrees(plan.dip or 0.0)),
-        "dip_limit": FAR if plan.dip is None else float(max(plan.setup.dip_limit_deg, 1e-12)),
+        "dip_limit": MAX_DISTANCE
+        if plan.dip is None
+        else float(max(plan.setup.dip_limit_deg, 1e-12)),
         "strength_words": "horizontal part" if level else "magnitude",
         "strength": "across" if level else "out->magnitude",
         "expected": [size or 0.0 for size in plan.expected],

@@ -18,7 +18,7 @@ from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.filters import jump_test, kalman, motion
 from agonic.maths.estimation.filters.states import FilterState, Model, forget_sums
 
-TESTS = 24
+READINGS = 24
 ELAPSED_S, TURNING_S = 0.5, 0.05
 """Between the readings of a self-test, by the magnitude and beside a gyro."""
 _BY_MAGNITUDE = ("start", "algebra", "magnitude", "jump_test", "jump", "calls", "results", "save")
@@ -168,24 +168,26 @@ def _make_readings(state: TrackerState, model: Model) -> Array:
     """Rows (n, 6) all around of a field as long as the last one, half the noise off."""
     rng = np.random.default_rng(0)
     magnitude = float(np.float32(state.magnitude))
-    direction = rng.normal(size=(TESTS, 3))
+    direction = rng.normal(size=(READINGS, 3))
     field = magnitude * direction / np.linalg.norm(direction, axis=1, keepdims=True)
     matrix = unpack_symmetric(state.estimate.matrix)
     raw = np.linalg.solve(matrix, field.T).T + state.estimate.bias
     raw += 0.5 * model.noise * rng.uniform(-1, 1, raw.shape)
-    rows = np.column_stack([np.zeros(TESTS), raw, np.full(TESTS, magnitude), np.ones(TESTS)])
+    rows = np.column_stack(
+        [np.zeros(READINGS), raw, np.full(READINGS, magnitude), np.ones(READINGS)]
+    )
     rows = rows.astype(np.float32).astype(np.float64)
-    rows[:, 0] = ELAPSED_S * np.arange(1, TESTS + 1)
+    rows[:, 0] = ELAPSED_S * np.arange(1, READINGS + 1)
     return np.asarray(rows)
 
 
 def _make_turned(turn: FilterState, model: Model) -> Array:
     """Rows (n, 9) of the field as the sensor turns about one axis after the other."""
     rng = np.random.default_rng(0)
-    rate = np.repeat(1.5 * np.eye(3), TESTS // 3, axis=0) + turn.gyro_bias
+    rate = np.repeat(1.5 * np.eye(3), READINGS // 3, axis=0) + turn.gyro_bias
     last, field = np.array(turn.watched[motion.RATE : motion.RATE + 3]), turn.field
     inverse = np.linalg.inv(unpack_symmetric(turn.matrix))
-    rows = np.empty((TESTS, turn.table.row))
+    rows = np.empty((READINGS, turn.table.row))
     for k, now in enumerate(rate):
         mean = 0.5 * (now + last) - turn.gyro_bias
         field, last = Rotation.from_rotvec(-TURNING_S * mean).apply(field), now

@@ -17,8 +17,8 @@ from agonic.exports.banner import write_banner
 from agonic.exports.firmware import c_text as c
 from agonic.exports.firmware.writer import Firmware, write_files
 
-MOST_WEIGHTS = 60
-BLOCKS = 50
+MAX_WEIGHTS = 60
+WINDOW_BLOCKS = 50
 """In the window: neighbours err alike."""
 CELLS, VISITS = 24, 3
 """Directions of the reservoir, and trainings of which each keeps a reading."""
@@ -60,7 +60,7 @@ def _require_network(calibration: Calibration) -> Network:
         (calibration.second is not None, "has two hidden layers; train one with a single layer"),
         (calibration.inputs != ("field",), "takes more than the readings; leave the others out"),
         (base is not None and type(base) is not Affine, "has a base that takes more than readings"),
-        (calibration.weights.size > MOST_WEIGHTS, f"has more than {MOST_WEIGHTS} weights"),
+        (calibration.weights.size > MAX_WEIGHTS, f"has more than {MAX_WEIGHTS} weights"),
         (calibration.covariance is None, "states no errors of its weights; fit it again"),
         (calibration.noise is None, "states no noise; fit it again"),
     )
@@ -78,12 +78,12 @@ def _require_window(network: Network, window: int) -> int:
             f"a window of {window} readings: {network.weights.size} weights take {least} at least, "
             f"and {MOST_WINDOW} are the most"
         )
-    return BLOCKS * (window // BLOCKS)
+    return WINDOW_BLOCKS * (window // WINDOW_BLOCKS)
 
 
 def _fewest(network: Network, window: int) -> int:
     """Readings from which on it is trained: enough for the weights, and eight blocks held out."""
-    return max(ceil(1.5 * network.weights.size), BLOCKS // 2 * (window // BLOCKS))
+    return max(ceil(1.5 * network.weights.size), WINDOW_BLOCKS // 2 * (window // WINDOW_BLOCKS))
 
 
 def _values(network: Network, name: str, window: int) -> dict[str, Any]:
@@ -104,7 +104,7 @@ def _values(network: Network, name: str, window: int) -> dict[str, Any]:
         "unit_out": network.unit_out,
         "outside": ", where the base is all that is left" if base is not None else "",
         "window": window,
-        "block": window // BLOCKS,
+        "block": window // WINDOW_BLOCKS,
         "fewest": _fewest(network, window),
         "weights": shape.size,
         "hidden": shape.nodes,

@@ -56,7 +56,12 @@ def measure_sizes(source: Path) -> Size | None:
         if shutil.which(compiler) and shutil.which(reader):
             sections = _sections(source, compiler, flags, reader)
             if sections:
-                return _size(sections, " ".join([compiler, *flags, "-Os"]))
+                code, constants, variables = (
+                    sum(size for name, size in sections.items() if name.startswith(starts))
+                    for starts in (".text", ".rodata", (".data", ".bss"))
+                )
+                made_by = " ".join([compiler, *flags, "-Os"])
+                return Size(code=code, constants=constants, variables=variables, compiler=made_by)
     return None
 
 
@@ -73,18 +78,6 @@ def _sections(source: Path, compiler: str, flags: tuple[str, ...], reader: str) 
         except (OSError, subprocess.SubprocessError):
             return {}
     return {name: int(size) for name, size in re.findall(r"^(\.\S+)\s+(\d+)", done.stdout, re.M)}
-
-
-def _size(sections: dict[str, int], compiler: str) -> Size:
-    def total(*starts: str) -> int:
-        return sum(size for name, size in sections.items() if name.startswith(starts))
-
-    return Size(
-        code=total(".text"),
-        constants=total(".rodata"),
-        variables=total(".data", ".bss"),
-        compiler=compiler,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -107,11 +107,9 @@ def _choose_engine(
 
 @contextmanager
 def _interruptible() -> Iterator[Any]:
-    """Progress on a terminal; an interruption is told as what it costs, which is nothing.
-
-    What interrupts is noted, for a library may lose the `KeyboardInterrupt` or make another error
-    of it.
-    """
+    """Progress on a terminal; an interruption is told as what it costs, which is nothing. What
+    interrupts is noted, for a library may lose the `KeyboardInterrupt` or make another error of
+    it."""
     from agonic.console.progress import paced
     from agonic.errors import AgonicError
 

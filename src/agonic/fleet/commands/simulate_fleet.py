@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from agonic.console.options import Folder, Format, Json, Noise, Seed
-
-if TYPE_CHECKING:
-    from agonic.fleet.simulation.simulate import SimulatedFleet
 
 T = TypeVar("T")
 
@@ -51,12 +47,24 @@ def fleet(
     """Many boards of one design: their logs or one dataset, and the truth about each."""
     from agonic.console.output import finish_made
     from agonic.errors import check_choice
-    from agonic.fleet.simulation.files import write_truth
-    from agonic.fleet.simulation.simulate import simulate_fleet
+    from agonic.fleet.simulation.files import (
+        make_tables,
+        make_texts,
+        write_dataset,
+        write_logs,
+        write_truth,
+    )
+    from agonic.fleet.simulation.simulate import CHUNK_LOGS, simulate_fleet
 
     check_choice("format", format, ("csv", "parquet"))
     made = simulate_fleet(**boards._asdict(), seed=seed)
-    where = _write_logs(made, out) if format == "csv" else _write_dataset(made, out)
+    if format == "csv":
+        where = out / "logs"
+        write_logs(_show_progress(make_texts(made), len(made), "Writing logs"), where)
+    else:
+        chunks = -(-int(made.draw.max() + 1) // CHUNK_LOGS)
+        tables = _show_progress(make_tables(made), chunks, "Writing")
+        where = write_dataset(tables, out / "readings.parquet")
     truth = write_truth(made.truth, out / "truth.csv")
     groups, faults = made.truth["group"], made.truth["fault"]
     there = sorted(set(faults[groups != ""]))
@@ -71,25 +79,6 @@ def fleet(
         as_json=as_json,
         next_step=f"agonic fleet {quote(str(where))} --field {made.facts['magnitude']:g} -o fleet",
         schema="agonic/simulate-fleet@1",
-    )
-
-
-def _write_logs(made: SimulatedFleet, out: Path) -> Path:
-    """A folder of text tables."""
-    from agonic.fleet.simulation.files import make_texts, write_logs
-
-    write_logs(_show_progress(make_texts(made), len(made), "Writing logs"), out / "logs")
-    return out / "logs"
-
-
-def _write_dataset(made: SimulatedFleet, out: Path) -> Path:
-    """One Parquet file for all."""
-    from agonic.fleet.simulation.files import make_tables, write_dataset
-    from agonic.fleet.simulation.simulate import CHUNK
-
-    chunks = -(-int(made.draw.max() + 1) // CHUNK)
-    return write_dataset(
-        _show_progress(make_tables(made), chunks, "Writing"), out / "readings.parquet"
     )
 
 

@@ -40,11 +40,9 @@ def draw_change(fault: str, board: int) -> Array:
 def apply_faults(
     faults: NDArray[Any], board: Index, bias: Array, matrix: Array
 ) -> tuple[Array, Array]:
-    """Bias (k, 3) and symmetric matrix (k, 3, 3) of readings with wrong gains and axes.
-
-    Named readings are r' = C r: field = W (r − b) = W C⁻¹ (r' − C b), and of that matrix the
-    magnitude sees the symmetric part of its polar decomposition.
-    """
+    """Bias (k, 3) and symmetric matrix (k, 3, 3) of readings with wrong gains and axes. Named
+    readings are r' = C r: field = W (r − b) = W C⁻¹ (r' − C b), and of that matrix the magnitude
+    sees the symmetric part of its polar decomposition."""
     bias, matrix = bias.copy(), matrix.copy()
     for k in np.flatnonzero(faults != ""):
         change = draw_change(faults[k], int(board[k]))

@@ -38,11 +38,9 @@ def make_texts(fleet: SimulatedFleet) -> Iterator[tuple[str, bytes]]:
 def make_tables(
     fleet: SimulatedFleet, *, acceleration: bool = True
 ) -> Iterator[Mapping[str, NDArray[Any]]]:
-    """The readings of some hundred logs at a time, as columns, each row with its sensor.
-
-    A dataset has no files to be damaged: such a log is cut to five rows, or has lost half its
-    values. A log that is there twice is one of a sensor of its own, named as the copy.
-    """
+    """The readings of some hundred logs at a time, as columns, each row with its sensor. A dataset
+    has no files to be damaged: such a log is cut to five rows, or has lost half its values. A log
+    that is there twice is one of a sensor of its own, named as the copy."""
     holding, truth = _group_logs(fleet), fleet.truth
     for recorded in fleet.readings():
         logs = [(k, log) for k in range(len(recorded.field)) for log in holding[recorded.first + k]]
@@ -112,11 +110,9 @@ ROW_GROUP = 500_000
 
 
 def write_logs(logs: Iterable[tuple[str, bytes]], folder: Path | str) -> list[Path]:
-    """Write every log under its name, and return the paths.
-
-    They are written without waiting for the disk after each, which would take longer than all
-    else; what tells that a folder is whole is the table of the truth, written last.
-    """
+    """Write every log under its name, and return the paths. They are written without waiting for
+    the disk after each, which would take longer than all else; what tells that a folder is whole is
+    the table of the truth, written last."""
     home = make_folder(folder)
     paths = []
     try:

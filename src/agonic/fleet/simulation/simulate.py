@@ -18,18 +18,16 @@ from agonic.fleet.simulation.faults import BROKEN, DAMAGED, SWAPPED, apply_fault
 from agonic.simulation.draws import draw_directions, make_knots
 from agonic.units import STANDARD_GRAVITY_M_S2
 
-CHUNK = 200
+CHUNK_LOGS = 200
 """So many logs are drawn at once, from a seed of their own."""
 _STEP_NT = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Boards:
-    """What is true of many boards, a row a board: readings = matrix⁻¹ field + bias + noise.
-
-    `bias` (n, 3) nT at 25 °C, `matrix` (n, 3, 3), `noise` (n,) nT, `slope` (n, 3) nT/°C,
-    `force_bias` (n, 3) m/s², `fault` (n,) the name of what is wrong with each, or "".
-    """
+    """What is true of many boards, a row a board: readings = matrix⁻¹ field + bias + noise. `bias`
+    (n, 3) nT at 25 °C, `matrix` (n, 3, 3), `noise` (n,) nT, `slope` (n, 3) nT/°C, `force_bias` (n,
+    3) m/s², `fault` (n,) the name of what is wrong with each, or ""."""
 
     bias: Array
     matrix: Array
@@ -41,10 +39,8 @@ class Boards:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedLogs:
-    """Logs as their loggers had them: `first` the number of the first of k logs of m rows.
-
-    `time` (m,) s, `field` (k, m, 3) nT, `acceleration` (k, m, 3) m/s², `temperature` (k, m) °C.
-    """
+    """Logs as their loggers had them: `first` the number of the first of k logs of m rows. `time`
+    (m,) s, `field` (k, m, 3) nT, `acceleration` (k, m, 3) m/s², `temperature` (k, m) °C."""
 
     first: int
     time: Array
@@ -78,8 +74,8 @@ class SimulatedFleet:
     def readings(self) -> Iterator[RecordedLogs]:
         """All logs that were drawn, some hundred at a time, without duplicates and damage."""
         drawn = int(self.draw.max()) + 1
-        for first in range(0, drawn, CHUNK):
-            yield self._chunk(first, min(first + CHUNK, drawn))
+        for first in range(0, drawn, CHUNK_LOGS):
+            yield self._chunk(first, min(first + CHUNK_LOGS, drawn))
 
     def _chunk(self, first: int, stop: int) -> RecordedLogs:
         """The logs of one seed."""
@@ -125,11 +121,10 @@ def simulate_fleet(
     damaged: float = 0.01,
     seed: int = 0,
 ) -> SimulatedFleet:
-    """Logs of boards of one design, each turned slowly by hand over all attitudes in one place.
-
-    The boards share the bias and the soft iron of their design and scatter about it; each has its
-    noise, its temperature coefficient and its accelerometer.
-    """
+    """Logs of boards of one design, each turned slowly by hand over all attitudes in one place. The
+    boards share the bias and the soft iron of their design and scatter about it; each has its
+    noise, its temperature coefficient and its accelerometer."""
+    facts = {name: value for name, value in locals().items() if not name.startswith("bias")}
     shares = {"broken": broken, "swapped": swapped, "duplicated": duplicated, "damaged": damaged}
     _check(n, logs, rows, shares)
     rng = np.random.default_rng([seed, 0])
@@ -147,17 +142,6 @@ def simulate_fleet(
         zip(hurt.tolist(), _deal(DAMAGED, round(damaged * len(board))).tolist(), strict=False)
     )
     truth = _make_truth(rng, boards, board, again, files)
-    facts = {
-        "n": n,
-        "logs": logs,
-        "rows": rows,
-        "rate_Hz": rate_Hz,
-        "magnitude": magnitude,
-        "inclination_deg": inclination_deg,
-        "noise": noise,
-        "seed": seed,
-        **shares,
-    }
     return SimulatedFleet(
         truth=MappingProxyType(truth),
         facts=MappingProxyType(facts),
@@ -253,11 +237,9 @@ _GROUPS = {
 
 
 def make_turnings(rng: np.random.Generator, time: Array, count: int) -> tuple[Array, Array]:
-    """Level north and down in sensor axes (count, m, 3), for `count` smooth random turnings.
-
-    As `motions.tumble`: uniform random quaternions every 1.5 s joined by a spline, here by one
-    matrix for all.
-    """
+    """Level north and down in sensor axes (count, m, 3), for `count` smooth random turnings. As
+    `motions.tumble`: uniform random quaternions every 1.5 s joined by a spline, here by one matrix
+    for all."""
     knots = make_knots(time[-1], 1.5)
     quats = draw_directions(rng, count * len(knots), 4).reshape(count, len(knots), 4)
     turns = np.einsum("kij,kij->ki", quats[:, 1:], quats[:, :-1])

@@ -22,20 +22,18 @@ from agonic.history.maths.drift_model import (
 )
 from agonic.maths.one_pass import median
 
-FEWEST = 8
+MIN_VALUES = 8
 """With fewer values a change cannot be told from scatter of unknown size."""
-LAST = 5
+MIN_LAST = 5
 """From so many values on the last one is compared with those before it."""
 _WINDOW = 96  # values looked through at a time; windows overlap by half
 _SHARES = (0.9, 0.05, 0.05)  # of the chance, for change points that none, one or two others hide
-_JUMP = 8.0  # median steps: a step or outlier that is hidden by another is larger
 
 
 class ChangePoint(NamedTuple):
     """From value number `place` on the level is another; or, `outlier`, that value alone is off.
-
-    `p_value` is how often chance makes one like it anywhere; `where` which series it was seen in.
-    """
+    `p_value` is how often chance makes one like it anywhere; `where` which series it was seen
+    in."""
 
     place: int
     outlier: bool
@@ -62,18 +60,15 @@ def find_change_points(many: Sequence[Series], chance: float) -> list[ChangePoin
 def _next(
     many: Sequence[Series], found: Sequence[ChangePoint], chance: float
 ) -> ChangePoint | None:
-    """The next change point that chance would hardly make.
-
-    Two change points can hide each other. Where none stands out though something jumps, the most
-    suspect one joins the design for the time being and the others are looked at again, with the
-    places of both counted.
-    """
+    """The next change point that chance would hardly make. Two change points can hide each other.
+    Where none stands out though something jumps, the most suspect one joins the design for the time
+    being and the others are looked at again, with the places of both counted."""
     n = len(many[0].time) if many else 0
     # a step before every value but the first and the last, an outlier at each but the ends
     every = [ChangePoint(k, stray, 1.0, ()) for stray in (False, True) for k in range(1, n - 1)]
     last, allowed_for, ways = ChangePoint(n - 1, True, 1.0, ()), [*found], len(many)
     for share in _SHARES:
-        if n - len(allowed_for) < LAST or (share != _SHARES[0] and not any(map(_jumps, many))):
+        if n - len(allowed_for) < MIN_LAST or (share != _SHARES[0] and not any(map(_jumps, many))):
             break
         known = [join_design(series, allowed_for, k) for k, series in enumerate(many)]
         allowed = 0.5 * share * chance
@@ -81,7 +76,7 @@ def _next(
             new = _test(known, last, ways, allowed)
             if new:
                 return new
-        if n - len(allowed_for) < FEWEST:
+        if n - len(allowed_for) < MIN_VALUES:
             break
         candidates = [s for s in every if not _is_taken(s, allowed_for)]
         suspect = _find_suspect(known, candidates)
@@ -99,7 +94,8 @@ def _jumps(series: Series) -> bool:
     """Whether some value lies much further from the one before than values commonly do."""
     steps = np.diff(series.value)
     away = np.abs(steps - median(steps))
-    return bool(away.max() > _JUMP * median(away))
+    # a step or outlier that is hidden by another is larger
+    return bool(away.max() > 8.0 * median(away))
 
 
 def join_design(series: Series, found: Sequence[ChangePoint], k: int) -> Series:

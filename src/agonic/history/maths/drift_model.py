@@ -23,12 +23,12 @@ from scipy.special import ndtr
 
 from agonic.arrays import Array
 
-GRID = 11
+GRID_NODES = 11
 """Nodes along each of the two sizes."""
 _ZOOMS = 2
-_TIMES = 16  # whose white rows are kept together, for few large products
-_LEAST, _MOST = np.log(0.1), np.log(1e3)  # of σ over the errors, and over the values' spread
-_CALM, _ROUGH = np.log(0.1), np.log(1e3)  # of the walk across the span over the white part
+_ROWS_TOGETHER = 16  # whose white rows are kept together, for few large products
+_MIN_LOG_RATIO, _MAX_LOG_RATIO = np.log(0.1), np.log(1e3)
+"""Of σ over the errors, and over the values' spread; of the walk across the span over the white."""
 
 
 class Series(NamedTuple):
@@ -105,17 +105,17 @@ def _spread(of: Series) -> Array:
 def _whole(of: Series) -> tuple[Array, Array]:
     """The corners (…, 2) of all that is looked at: ln σ, and ln of the walk over the white part."""
     errors = typical_error(of)
-    most = _MOST + np.log(np.maximum(_spread(of), errors))
+    most = _MAX_LOG_RATIO + np.log(np.maximum(_spread(of), errors))
     return (
-        np.stack([_LEAST + np.log(errors), np.full_like(errors, _CALM)], axis=-1),
-        np.stack([most, np.full_like(errors, _ROUGH)], axis=-1),
+        np.stack([_MIN_LOG_RATIO + np.log(errors), np.full_like(errors, _MIN_LOG_RATIO)], axis=-1),
+        np.stack([most, np.full_like(errors, _MAX_LOG_RATIO)], axis=-1),
     )
 
 
 def _grid(low: Array, high: Array) -> Array:
     """Nodes (…, m, 2) between corners (…, 2)."""
-    share = np.linspace(0.0, 1.0, GRID)
-    unit = np.stack([np.repeat(share, GRID), np.tile(share, GRID)], axis=-1)
+    share = np.linspace(0.0, 1.0, GRID_NODES)
+    unit = np.stack([np.repeat(share, GRID_NODES), np.tile(share, GRID_NODES)], axis=-1)
     return np.asarray(low[..., None, :] + unit * (high - low)[..., None, :])
 
 
@@ -128,7 +128,7 @@ def _sizes(of: Series, nodes: Array) -> tuple[Array, Array]:
 def _box(nodes: Array, log: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """The corners around the nodes that count, a step of the grid wider."""
     counts = (log > -15.0)[..., None]  # of the logarithm of the likelihood, below the best
-    step = (high - low) / (GRID - 1)
+    step = (high - low) / (GRID_NODES - 1)
     least = np.where(counts, nodes, np.inf).min(axis=-2) - step
     most = np.where(counts, nodes, -np.inf).max(axis=-2) + step
     return np.maximum(least, low), np.minimum(most, high)
@@ -161,7 +161,7 @@ def compute_products(
     cross = np.zeros((*scatter.shape, columns.shape[-2] - many, many))
     own = np.zeros(cross.shape[:-1])
     steps = np.diff(of.time, prepend=of.time[..., :1], axis=-1)
-    white = np.empty((*scatter.shape, min(n, _TIMES), columns.shape[-2]))
+    white = np.empty((*scatter.shape, min(n, _ROWS_TOGETHER), columns.shape[-2]))
     for k in range(n):
         variance = variance + walk**2 * steps[..., k, None]
         total = variance + of.variance[..., k, None] + scatter**2
@@ -170,9 +170,9 @@ def compute_products(
         mean = mean + gain[..., None] * ahead
         variance = variance * (1 - gain)
         logs += np.log(total)
-        np.divide(ahead, np.sqrt(total)[..., None], out=white[..., k % _TIMES, :])
-        if k % _TIMES == _TIMES - 1 or k == n - 1:
-            rows = white[..., : k % _TIMES + 1, :]
+        np.divide(ahead, np.sqrt(total)[..., None], out=white[..., k % _ROWS_TOGETHER, :])
+        if k % _ROWS_TOGETHER == _ROWS_TOGETHER - 1 or k == n - 1:
+            rows = white[..., : k % _ROWS_TOGETHER + 1, :]
             known, others = rows[..., :many], rows[..., many:]
             base += np.swapaxes(known, -1, -2) @ known
             if candidates is not None:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
 from agonic.calibration.tracking import (
-    SETTLED,
+    MAX_SETTLED_SD,
     Jump,
     Opening,
     Recent,
@@ -59,7 +59,7 @@ def begin(state: TrackerState, params: TrackerParams, row: Array) -> TrackerStat
     bias = state.bias if lost else state.base.bias
     known = np.concatenate([np.zeros(3), bias, np.zeros(4), pack_symmetric(symmetric)])
     prior = states.start_filter(known, covariance[:m, :m], float(row[0]))
-    learns = bool(np.sqrt(covariance.diagonal()[3:6].max()) < SETTLED * size)
+    learns = bool(np.sqrt(covariance.diagonal()[3:6].max()) < MAX_SETTLED_SD * size)
     opened = Opening(prior=prior, rows=np.empty((0, states.BESIDE_GYRO.row)), learns=learns)
     return replace(
         state,
@@ -221,7 +221,7 @@ def _release(state: TrackerState, opening: Opening) -> TrackerState:
         return state
     covariance = opening.prior.covariance
     away = _measure_matrix_sd(state, covariance)
-    loose = max(3.0 * sd, SETTLED * size, away * size)
+    loose = max(3.0 * sd, MAX_SETTLED_SD * size, away * size)
     covariance[:6] = covariance[:, :6] = 0.0
     covariance[range(6), range(6)] = [(gain * loose) ** 2] * 3 + [loose**2] * 3
     state_now = np.concatenate([found.state[:6], opening.prior.state[6:]])

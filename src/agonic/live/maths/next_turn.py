@@ -46,11 +46,9 @@ def compute_gains(
     inclination_deg: float,
     readings: Array,
 ) -> Array:
-    """By how much readings along the directions of ways (n, t, 3) lessen the heading's variance.
-
-    Δ = tr(G CJᵀ(σ²/k + JCJᵀ)⁻¹JC), (n,), the fall of trace(CG) when at each direction k residuals,
-    `readings` (n,), with the gradient j and noise σ are added (Woodbury); for magnitude one.
-    """
+    """By how much readings along the directions of ways (n, t, 3) lessen the heading's variance. Δ
+    = tr(G CJᵀ(σ²/k + JCJᵀ)⁻¹JC), (n,), the fall of trace(CG) when at each direction k residuals,
+    `readings` (n,), with the gradient j and noise σ are added (Woodbury); for magnitude one."""
     directions = along.reshape(-1, 3)
     raw = directions @ np.linalg.inv(matrix).T + bias
     jacobian = correction_jacobian(raw, bias, matrix) @ model_basis("full")

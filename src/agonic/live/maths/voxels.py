@@ -18,18 +18,16 @@ from agonic.maths.equation import moments
 
 Keys = NDArray[np.int64]
 
-MOST = 768
+MAX_BOXES = 768
 """Boxes that are kept at most; a full turn about all axes then fills a hundred or more."""
 
-FARTHEST = 2**20
+FAR_BOX = 2**20
 """Boxes from the origin that are told apart; what lies further is taken for so far."""
 
 
 class Voxels(NamedTuple):
     """Boxes of an edge: their indices `keys` (k, 3), and the moments `sums` (k, 35) of readings.
-
-    The moments are those of (reading − centre)/scale.
-    """
+    The moments are those of (reading − centre)/scale."""
 
     edge: float
     centre: Array
@@ -55,7 +53,7 @@ def begin(first: Array, edge: float) -> Voxels:
     return Voxels(edge, first, size, np.empty((0, 3), np.int64), np.empty((0, 35)))
 
 
-def add_readings(voxels: Voxels, readings: Array, most: int = MOST) -> tuple[Voxels, Array]:
+def add_readings(voxels: Voxels, readings: Array, most: int = MAX_BOXES) -> tuple[Voxels, Array]:
     """The boxes with readings (n, 3) put in, and the how-many-eth of its box each was, (n,)."""
     rows = np.asarray(readings, dtype=np.float64)
     places = [np.empty(0)]
@@ -71,12 +69,12 @@ def add_readings(voxels: Voxels, readings: Array, most: int = MOST) -> tuple[Vox
 
 def compute_keys(voxels: Voxels, readings: Array) -> Keys:
     """The boxes (n, 3) in which readings lie."""
-    return np.floor(np.clip(readings / voxels.edge, -FARTHEST, FARTHEST - 1)).astype(np.int64)
+    return np.floor(np.clip(readings / voxels.edge, -FAR_BOX, FAR_BOX - 1)).astype(np.int64)
 
 
 def _encode(keys: Keys) -> NDArray[np.int64]:
     """One number for each key, which is much faster to compare than three."""
-    shifted = keys + FARTHEST
+    shifted = keys + FAR_BOX
     return np.asarray((shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2])
 
 

@@ -19,11 +19,11 @@ from agonic.live.streams.rows import LineParser, Reading
 if TYPE_CHECKING:
     from agonic.live.streams.vehicle import Vehicle
 
-LONGEST = 4096
+LINE_BYTES = 4096
 """Bytes of a line; longer ones are passed over."""
 
 
-SHOWN = 60
+SHOWN_CHARACTERS = 60
 """Characters of a line that is shown."""
 
 
@@ -32,11 +32,9 @@ PATIENCE_S = 1.0
 
 
 class Lines:
-    """Cuts a stream of bytes into lines and reads them; `suffix` tells senders apart.
-
-    Lines that begin with `mark` are words for others: they are passed on as they are. What cannot
-    be read is counted, and told with the last of it and the reason.
-    """
+    """Cuts a stream of bytes into lines and reads them; `suffix` tells senders apart. Lines that
+    begin with `mark` are words for others: they are passed on as they are. What cannot be read is
+    counted, and told with the last of it and the reason."""
 
     def __init__(self, unit: str, suffix: str = "", mark: str | None = None) -> None:
         self.rows = LineParser(unit=unit)
@@ -74,13 +72,13 @@ class Lines:
         *lines, self._rest = joined.split(b"\n")
         if self._skipping and lines:
             lines, self._skipping = lines[1:], False
-        if len(self._rest) > LONGEST:
+        if len(self._rest) > LINE_BYTES:
             if not self._skipping:
-                self._count(f"{_make_printable(self._rest)} (no end of line in {LONGEST} bytes)")
+                self._count(f"{_make_printable(self._rest)} (no end of line in {LINE_BYTES} bytes)")
             self._rest, self._skipping = b"", True
         elif self._skipping:
             self._rest = b""
-        return [line for line in lines if len(line) <= LONGEST]
+        return [line for line in lines if len(line) <= LINE_BYTES]
 
     def _count(self, what: str) -> None:
         self._unread, self._why = self._unread + 1, what
@@ -107,8 +105,8 @@ class Lines:
 
 def _make_printable(line: bytes) -> str:
     """The start of a line as text that can be printed."""
-    text = line[:SHOWN].decode("ascii", "backslashreplace")
-    shown = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)[:SHOWN]
+    text = line[:SHOWN_CHARACTERS].decode("ascii", "backslashreplace")
+    shown = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)[:SHOWN_CHARACTERS]
     return f"“{shown}”"
 
 

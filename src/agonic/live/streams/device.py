@@ -41,9 +41,8 @@ class Device(Protocol):
 
 class MotionCalDevice:
     """A device that takes the 68 bytes of MotionCal and answers with lines `Cal1:` and `Cal2:`.
-
-    Source: PaulStoffregen/MotionCal, rawdata.c (send_calibration), and the answers of its sketches.
-    """
+    Source: PaulStoffregen/MotionCal, rawdata.c (send_calibration), and the answers of its
+    sketches."""
 
     def __init__(self, write: Callable[[bytes], None], told: dict[str, tuple[float, ...]]) -> None:
         self._write, self._told = write, told

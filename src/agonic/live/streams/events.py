@@ -12,10 +12,8 @@ from agonic.arrays import Array
 
 class Chunk(NamedTuple):
     """Readings of one sensor: `time` (n,) s, `field` (n, 3) in `unit`, in the axes `frame`.
-
     `motion` (n, 6) is what an inertial unit told with them: acceleration, m/s², and rotation rate,
-    rad/s, NaN where it did not; `own` (n,) the device's own clock, s, NaN where it told none.
-    """
+    rad/s, NaN where it did not; `own` (n,) the device's own clock, s, NaN where it told none."""
 
     sensor: str
     time: Array

@@ -19,13 +19,9 @@ from agonic.samples import Samples
 RATE_HZ = 50.0
 """Of readings that were logged without times."""
 
-SLOWER = 2.0
+SLOWDOWN = 2.0
 """How many times slower than in a simulated log a sensor is turned, so that the guidance can be
 watched."""
-
-LONGEST_PAUSE_S = 10.0
-"""Of the log; nobody waits for longer ones, and a clock in other units than seconds has them
-between any two readings."""
 
 
 FIELD_N = (25_000.0, 0.0, 50_000 * 0.75**0.5)
@@ -65,7 +61,7 @@ class Replay:
                 played += 1.0
             left = [t[k] for t, k in zip(times, done, strict=True) if k < len(t)]
             pause = min(left, default=played) - played
-            if pause > (LONGEST_PAUSE_S if self.speed > 0 else 0.0):
+            if pause > (10.0 if self.speed > 0 else 0.0):
                 first, played = first + pause, played + pause
             for k, samples in enumerate(self.sensors):
                 until = int(np.searchsorted(times[k], played, side="right"))
@@ -111,7 +107,7 @@ def make_simulated(
             simulate(
                 "circle" if rover else kind,
                 n=int(minutes * 60 * rate_Hz),
-                rate_Hz=SLOWER * rate_Hz,
+                rate_Hz=SLOWDOWN * rate_Hz,
                 seed=seed,
                 noise=150.0,
                 calibration=replace(random_calibration(rng), sensor=f"mag{k or ''}"),
@@ -126,10 +122,10 @@ def make_simulated(
 
 
 def _slow_down(samples: Samples) -> Samples:
-    """The same readings, made in `SLOWER` times the time."""
+    """The same readings, made in `SLOWDOWN` times the time."""
     rate = samples.rotation_rate
-    turning = {} if rate is None else {"rotation_rate": rate / SLOWER}
-    return samples.with_columns(time=SLOWER * _get_times(samples), **turning)
+    turning = {} if rate is None else {"rotation_rate": rate / SLOWDOWN}
+    return samples.with_columns(time=SLOWDOWN * _get_times(samples), **turning)
 
 
 def _get_motion(samples: Samples) -> Array | None:

@@ -17,11 +17,9 @@ Vector = tuple[float, float, float]
 
 
 class Reading(NamedTuple):
-    """One reading: the sensor's name, the field, its unit, and the device's own time, s.
-
-    `motion` is what came with it of an inertial unit: acceleration, m/s², and rotation rate, rad/s,
-    NaN where not known.
-    """
+    """One reading: the sensor's name, the field, its unit, and the device's own time, s. `motion`
+    is what came with it of an inertial unit: acceleration, m/s², and rotation rate, rad/s, NaN
+    where not known."""
 
     sensor: str
     field: Vector
@@ -45,11 +43,8 @@ _MOTIONCAL_OTHERS = ("Uni:", "Ori:")
 
 @dataclass
 class LineParser:
-    """What is known of the lines so far: the header, once there was one.
-
-    `unit` is that of numbers without a header; `told` holds the device's answers `Cal1:` and
-    `Cal2:`, by name.
-    """
+    """What is known of the lines so far: the header, once there was one. `unit` is that of numbers
+    without a header; `told` holds the device's answers `Cal1:` and `Cal2:`, by name."""
 
     unit: str = RAW
     header: dict[str, list[tuple[int, float]]] = field(default_factory=dict)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from agonic.calibration.autopilots import ARDUPILOT
 from agonic.calibration.base import Calibration
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.exports.ardupilot import compute_ardupilot_parameters
@@ -21,14 +22,14 @@ from agonic.exports.targets import compass_number
 from agonic.live.streams.device import ANSWER_S, Setting
 from agonic.live.streams.events import Chunk, Clock, Event, Notice
 from agonic.live.streams.links import Packet
-from agonic.logs.ardupilot.compass import AXES, remove_correction
+from agonic.logs.ardupilot.compass import remove_correction
 from agonic.logs.ardupilot.mavlink import TABLES
-from agonic.logs.ardupilot.tlog import ARDUPILOT, NO_AUTOPILOT, PX4, STACKS
+from agonic.logs.ardupilot.tlog import NO_AUTOPILOT, STACKS
 from agonic.logs.rows.tracks import Table
 from agonic.units import RAW
 
 ASK_AGAIN_S = 0.5
-ROUNDS = 6
+ASKING_ROUNDS = 6
 """Rounds of asking by name before the whole list is asked for."""
 
 LIST_S = 10.0
@@ -37,7 +38,7 @@ LIST_S = 10.0
 
 def list_wanted(slot: str) -> tuple[str, ...]:
     """The parameters that correct the compass of a slot: "" the first, then "2" and "3"."""
-    vectors = [f"COMPASS_{part}{slot}_{axis}" for part in ("OFS", "DIA", "ODI") for axis in AXES]
+    vectors = ARDUPILOT.names(ARDUPILOT.slots.index(slot) + 1, *ARDUPILOT.parts[:3])
     return (*vectors, f"COMPASS_SCALE{slot}", f"COMPASS_DEV_ID{slot}", "COMPASS_MOTCT")
 
 
@@ -75,7 +76,7 @@ class Parameters:
             return ""
         self._asked_at[slot] = now
         self._rounds[slot] = self._rounds.get(slot, 0) + 1
-        if self._rounds[slot] <= ROUNDS:
+        if self._rounds[slot] <= ASKING_ROUNDS:
             for name in missing:
                 self._ask(name)
         elif self._list_at is None:
@@ -129,8 +130,7 @@ class Vehicle:
         except ImportError:
             raise MissingExtraError("reading MAVLink", "mavlink") from None
         self._dialect = ardupilotmega
-        self.stack = ""
-        self._writing = False
+        self.stack, self._writing = "", False
         self.begin(lambda _: None)
 
     def begin(self, write: Callable[[bytes], None]) -> None:
@@ -139,7 +139,6 @@ class Vehicle:
         self._link = self._dialect.MAVLink(wire, 255, 190)  # as a ground station
         self._link.robust_parsing = True
         self._system: tuple[int, int] | None = None
-        self._autopilot = NO_AUTOPILOT
         self._clock, self._seen = Clock(), set[str]()
         self._beat_at = self._request_at = -np.inf
         self.parameters = Parameters(self._ask, self._ask_all)
@@ -147,7 +146,7 @@ class Vehicle:
     @property
     def name(self) -> str:
         """What a calibration can be written to."""
-        return "ArduPilot vehicle" if self._autopilot == ARDUPILOT else ""
+        return "ArduPilot vehicle" if self._system and self.stack == "ardupilot" else ""
 
     @property
     def device(self) -> Vehicle | None:
@@ -179,9 +178,8 @@ class Vehicle:
         if self._system is not None or beat.autopilot == NO_AUTOPILOT:
             return []
         self._system = (beat.get_srcSystem(), beat.get_srcComponent())
-        self._autopilot = int(beat.autopilot)
-        self.stack = STACKS.get(self._autopilot, "")
-        if self._autopilot == PX4:
+        self.stack = STACKS.get(int(beat.autopilot), "")
+        if self.stack == "px4":
             return [Notice(True, _PX4_SAYS)]
         kind = self.name or "vehicle"
         return [Notice(True, f"{kind} {self._system[0]} answers")]
@@ -216,7 +214,7 @@ class Vehicle:
         for name in SLOTS:
             number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
             self._link.command_long_send(*self._system, 511, 0, number, interval, 0, 0, 0, 0, 0)
-        if self._autopilot == ARDUPILOT and LEARN not in self.parameters.values:
+        if self.name and LEARN not in self.parameters.values:
             self._ask(LEARN)
         if not self._seen:
             self._link.request_data_stream_send(*self._system, 1, RATE_HZ, 1)
@@ -232,7 +230,7 @@ class Vehicle:
     # ---- readings ----------------------------------------------------------------------------
 
     def _readings(self, kind: str, heard: list[Any], now: float) -> list[Event]:
-        if self._writing or self._autopilot == PX4:
+        if self._writing or self.stack == "px4":
             return []
         field = np.array([[m.xmag, m.ymag, m.zmag] for m in heard], dtype=float)
         answered = np.isfinite(field).all(axis=1) & field.any(axis=1)
@@ -240,9 +238,9 @@ class Vehicle:
             return []
         told = [m for m, there in zip(heard, answered, strict=True) if there]
         own, field, motion = [_get_time(m) for m in told], field[answered], None
-        if self._autopilot == ARDUPILOT or kind != "RAW_IMU":  # of others in counts
+        if self.name or kind != "RAW_IMU":  # of others in counts
             motion = np.array([_get_motion(m, TABLES[kind][1]) for m in told])
-        if self._autopilot != ARDUPILOT:
+        if not self.name:
             unit, factor = OTHERS[kind]
             time_s = self._clock.times(own, now, kind)
             return [Chunk(kind, time_s, field * factor, unit, motion=motion)]

@@ -20,15 +20,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from agonic.live.web import messages
 from agonic.live.web.session import Session
-from agonic.live.web.watch import MOST
+from agonic.live.web.watch import MAX_POINTS
 from agonic.maths.equation.coverage import icosphere
 from agonic.report.digits import group_digits
 from agonic.report.page_file import read_static as of_report
 
-MOST_POINTS = 5000
-"""Points of a message; a page that is behind gets the rest in the next."""
-
-PATIENCE = 20
+MAX_MESSAGES = 20
 """Messages a second that a page may send, and wrong ones in all, before it is let go."""
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -140,8 +137,8 @@ async def _tell(websocket: WebSocket, session: Session) -> None:
                     messages.encode_points(k, 0, shown.at, np.empty((0, 3), np.float32))
                 )
             total = shown.total
-            rows = shown.since(max(count, total - MOST), MOST)[:MOST_POINTS]
-            count = max(count, total - MOST) + len(rows) if len(rows) else count
+            rows = shown.since(max(count, total - MAX_POINTS), MAX_POINTS)[:5000]
+            count = max(count, total - MAX_POINTS) + len(rows) if len(rows) else count
             seen[k] = (shown, count)
             if len(rows):
                 await websocket.send_bytes(messages.encode_points(k, count, shown.at, rows))
@@ -172,9 +169,9 @@ async def _listen(websocket: WebSocket, session: Session) -> None:
         now = time.monotonic()
         second, lately = (now, 1) if now - second > 1.0 else (second, lately + 1)
         data = message.get("text") or message.get("bytes") or b""
-        what = messages.parse_request(data) if len(data) <= messages.LARGEST else None
+        what = messages.parse_request(data) if len(data) <= messages.MAX_REQUEST_BYTES else None
         wrong += what is None
-        if wrong > PATIENCE or lately > PATIENCE:
+        if wrong > MAX_MESSAGES or lately > MAX_MESSAGES:
             await websocket.close(code=1008, reason="too many messages, or not understood")
             return
         if what is not None:

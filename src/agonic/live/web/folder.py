@@ -29,11 +29,9 @@ from agonic.samples import Samples
 
 
 class SavedFits:
-    """Saves the live fits of a session, and takes them up again after the program was stopped.
-
-    What cannot be gone on with, or is not wanted (`fresh`), is set aside under another name.
-    Without an `origin`, of a source that begins again, nothing is saved.
-    """
+    """Saves the live fits of a session, and takes them up again after the program was stopped. What
+    cannot be gone on with, or is not wanted (`fresh`), is set aside under another name. Without an
+    `origin`, of a source that begins again, nothing is saved."""
 
     def __init__(self, folder: Path, origin: str, *, fresh: bool = False) -> None:
         self._folder, self._origin, self._fresh = folder, origin, fresh

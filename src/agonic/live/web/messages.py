@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agonic.live.streams.device import Setting
 
-LARGEST = 4096
+MAX_REQUEST_BYTES = 4096
 """Bytes of a message from a page."""
 
 
@@ -177,8 +177,6 @@ def describe_read_back(listed: list[Setting]) -> str:
 
 def encode_points(sensor: int, total: int, sent_at: float, rows: NDArray[np.float32]) -> bytes:
     """Readings (n, 3) of the sensor at that position, the last of which is the `total`-th.
-
-    Little-endian: sensor and total as uint32, when they were made as float64 (Unix time, s), then
-    x y z of each as float32.
-    """
+    Little-endian: sensor and total as uint32, when they were made as float64 (Unix time, s), then x
+    y z of each as float32."""
     return struct.pack("<IId", sensor, total & 0xFFFFFFFF, sent_at) + rows.tobytes()

@@ -15,11 +15,9 @@ from agonic.reference import Reference
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a session is to reach: the field to expect, when to stop, where to write.
-
-    `settings` are those of the fit that go with the reference; `before` calibrations by sensor;
-    `fresh` not to go on with what the folder holds of a session that was not finished.
-    """
+    """What a session is to reach: the field to expect, when to stop, where to write. `settings` are
+    those of the fit that go with the reference; `before` calibrations by sensor; `fresh` not to go
+    on with what the folder holds of a session that was not finished."""
 
     folder: Path
     reference: Reference | None = None

@@ -15,7 +15,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from agonic.errors import AgonicError
 from agonic.live.web.app import make_app
-from agonic.live.web.messages import LARGEST
+from agonic.live.web.messages import MAX_REQUEST_BYTES
 from agonic.live.web.session import Session
 
 
@@ -31,11 +31,9 @@ class _Server(uvicorn.Server):
 
 
 def serve(session: Session, *, listen: str | None, port: int, ready: Callable[[str], None]) -> None:
-    """Serve the page of a session, and read its source, until interrupted.
-
-    `listen` is an address of this machine to listen on instead of loopback; then the page's
-    address holds a secret. `ready` is told the address of the page.
-    """
+    """Serve the page of a session, and read its source, until interrupted. `listen` is an address
+    of this machine to listen on instead of loopback; then the page's address holds a secret.
+    `ready` is told the address of the page."""
     token = None if listen is None else secrets.token_urlsafe(16)
     host = listen or "127.0.0.1"
     bound = _bind(host, port)
@@ -47,7 +45,7 @@ def serve(session: Session, *, listen: str | None, port: int, ready: Callable[[s
         lifespan="off",
         http=Requests,
         ws="websockets-sansio",
-        ws_max_size=LARGEST,
+        ws_max_size=MAX_REQUEST_BYTES,
         ws_max_queue=4,
         ws_per_message_deflate=False,
         ws_ping_interval=10.0,

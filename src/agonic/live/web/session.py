@@ -9,7 +9,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from agonic.errors import AgonicError
-from agonic.live.fit import GROWTH
+from agonic.live.fit import REFIT_GROWTH
 from agonic.live.streams import Chunk, Notice, Source
 from agonic.live.streams.device import Device, Setting
 from agonic.live.web.folder import SavedFits, write_results
@@ -239,7 +239,7 @@ class Session:
         """Make the fits that take seconds, a third of the time at most."""
         while not self._stop.is_set():
             began = time.monotonic()
-            self._consider_all(GROWTH)
+            self._consider_all(REFIT_GROWTH)
             self._stop.wait(max(DIGEST_S, 2 * (time.monotonic() - began)))
 
     def _consider_all(self, growth: float = 1.0) -> None:

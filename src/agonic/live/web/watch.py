@@ -32,14 +32,14 @@ RATE_OVER_S = 2.0
 """The rate is that of readings in so many seconds."""
 
 
-MOST = 50_000
+MAX_POINTS = 50_000
 """Points of a sensor on the page."""
 
 
 class RecentReadings:
     """The last `most` readings, and how many there were; `at` is when the latest came."""
 
-    def __init__(self, most: int = MOST) -> None:
+    def __init__(self, most: int = MAX_POINTS) -> None:
         self._ring = np.zeros((most, 3), np.float32)
         self.total, self.at = 0, 0.0
 
@@ -120,11 +120,9 @@ class WatchedSensor:
         return ""
 
     def proceed(self) -> tuple[Sensor, str]:
-        """Fit what has come; the status, and what went wrong, in words.
-
-        Where the fit stops, the readings that had come are left out, and it begins anew only where
-        it cannot go on from those before.
-        """
+        """Fit what has come; the status, and what went wrong, in words. Where the fit stops, the
+        readings that had come are left out, and it begins anew only where it cannot go on from
+        those before."""
         before = self.live.state
         try:
             self.digest()

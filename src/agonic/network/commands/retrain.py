@@ -114,7 +114,7 @@ def _start_retrainer(
 
     import numpy as np
 
-    from agonic.calibration.retraining import LEAST, RetrainerParams
+    from agonic.calibration.retraining import MIN_ROWS, RetrainerParams
     from agonic.files.calibration import load
     from agonic.network.commands.fit_network import _target
     from agonic.network.retraining import Retrainer
@@ -125,10 +125,10 @@ def _start_retrainer(
         settings[f"{name}_{unit}"] = length if unit == "s" else int(length)
     if "window_s" in settings:
         # twice the readings that it holds at the log's usual rate: gaps and bursts have room
-        settings["window_n"] = LEAST
+        settings["window_n"] = MIN_ROWS
         if samples.time is not None and len(samples) > 1:
             step = float(np.median(np.diff(samples.time)))
-            settings["window_n"] = max(int(2 * settings["window_s"] / step) + 1, LEAST)
+            settings["window_n"] = max(int(2 * settings["window_s"] / step) + 1, MIN_ROWS)
     for name, parse in (("inputs", parse_names), ("hidden", parse_nodes), ("alarm", float)):
         if given[name] is not None:
             settings[name] = parse(given[name])

@@ -11,7 +11,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.network import Network
 from agonic.calibration.retraining import (
-    KEPT,
+    MAX_RETRAININGS,
     RetrainerParams,
     RetrainerState,
     Retraining,
@@ -149,7 +149,7 @@ def close_retraining(
             onset=None,
             early=False,
             watch=cusum.start_sums(state.window.wanted.shape[1]),
-            retrainings=(*state.retrainings, done)[-KEPT:],
+            retrainings=(*state.retrainings, done)[-MAX_RETRAININGS:],
             accepted=state.accepted + done.accepted,
             rejected=state.rejected + (not done.accepted),
         ),

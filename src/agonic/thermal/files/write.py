@@ -13,7 +13,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.atomic import make_folder, write_atomically
 from agonic.errors import AgonicError, check_choice
-from agonic.exports.parquet import make_parquet
+from agonic.exports.csv import make_parquet
 from agonic.files.toml_sections import write_value
 from agonic.maths.rotations.attitude import angles_deg
 from agonic.samples import Samples
