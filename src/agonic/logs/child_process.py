@@ -18,8 +18,6 @@ from contextlib import suppress
 from threading import Event, Lock, Timer
 from typing import Any
 
-import numpy as np
-
 from agonic.errors import AgonicError, LogError
 
 LONGEST_S = 60.0
@@ -64,9 +62,9 @@ class Child:
             pickle.dump(request, process.stdin)
             process.stdin.flush()
             head, sizes = pickle.load(process.stdout)
-            buffers = [np.empty(size, np.uint8) for size in sizes]  # of arrays
+            buffers = list(map(bytearray, sizes))  # of arrays
             for buffer in buffers:
-                if process.stdout.readinto(buffer.data) < len(buffer):  # type: ignore[attr-defined]
+                if process.stdout.readinto(buffer) < len(buffer):  # type: ignore[attr-defined]
                     raise EOFError
             failed, answer = pickle.loads(head, buffers=buffers)
         except (EOFError, OSError, pickle.UnpicklingError):

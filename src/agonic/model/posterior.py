@@ -267,20 +267,37 @@ def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
     noise *= share * compute_widening(max(len(at.rows.weights) - m, 1)) ** 2
     if share < 1.0:  # some rows alone: what they say of terms counts, not where they are best
         shift = shift - solve(gram, prior, groups, {}).estimate[:m]
-    covariance, shares = noise.copy(), []
+    absent, shares = np.zeros_like(noise), []
     for i, sized in enumerate(average_each(gram, base, groups)):
         if i in there:
             sized = average(gram, solve(gram, prior, groups, there, i), groups[i])
         else:
             shift = shift - sized.alias[:m] @ sized.mean
-            covariance += sized.spread[:m, :m]
+            absent += sized.spread[:m, :m]
         term = at.known[i].term if i < len(at.known) else STEP
         errors, row = _find_errors(at, i) if i in there else (None, None)
         one = weigh(term, sized, at.level, errors)
         if row is not None:
             one = one._replace(row=row, size=float(np.sqrt(np.trace(sized.square))))
         shares.append(one)
-    return Way(shift, covariance, noise, shares)
+    part = _weigh_absent(
+        at.level.spread(noise), [one for i, one in enumerate(shares) if i not in there]
+    )
+    shares = [one if i in there else one.reduce(part) for i, one in enumerate(shares)]
+    return Way(shift, noise + part * absent, noise, shares)
+
+
+def _weigh_absent(variance: float, shares: Sequence[Share]) -> float:
+    """The part of their variances by which terms that are not there count beside the `variance` of
+    a level heading σ₀², so that its standard error is the mean over whether each is there,
+    σ₀ + Σ p (√(σ₀² + v/p) − σ₀): what is rare and large hardly moves an interval of 95 %."""
+    added = np.array([one.heading_deg**2 for one in shares])
+    chance = 1.0 / (1.0 + np.exp(-np.array([one.odds for one in shares])))
+    if not added.sum() > 0.0:
+        return 1.0
+    more = np.sqrt(chance**2 * variance + chance * added) - chance * np.sqrt(variance)
+    whole = (np.sqrt(variance) + more.sum()) ** 2
+    return min(float((whole - variance) / added.sum()), 1.0)
 
 
 def _explain_all(at: Scene) -> Way:

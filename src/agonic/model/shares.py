@@ -78,6 +78,13 @@ class Share(NamedTuple):
     row: int | None = None
     measured: tuple[float, float] | None = None
 
+    def reduce(self, part: float) -> Share:
+        """The share with this part of its variances."""
+        root = float(np.sqrt(part))
+        return self._replace(
+            heading_deg=root * self.heading_deg, at_rest_deg=root * self.at_rest_deg
+        )
+
     @property
     def said(self) -> str:
         """What was measured of a term with one unknown, in words; "" of others, or by chance."""

@@ -384,7 +384,8 @@ def find_faults(
     chances = np.exp([likely - ways[0][0] for likely, _ in ways])
     chances /= chances.sum()
     found = next((one[0] for one, p in zip(made, chances, strict=True) if one[0] and p > 0.05), ())
-    averaged = mix(chances, [(mean, spread) for _, mean, spread in made])
+    means, spreads = np.stack([one[1] for one in made]), np.stack([one[2] for one in made])
+    averaged = mix(chances, means, spreads)
     return Faults(found, *averaged, unseen, left_out)
 
 
