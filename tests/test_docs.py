@@ -106,8 +106,12 @@ def findings_in_the_source() -> dict[str, set[str]]:
         told = "Finding(" in text or "Fact(" in text
         for node in ast.walk(ast.parse(text)) if told else ():
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Fact":
-                limits = node.args[2]
-                severities = set(map(ast.literal_eval, getattr(limits, "keys", [limits])))
+                limit = node.args[2]
+                if isinstance(limit, ast.Call):  # Limit(check, refuse, note=)
+                    given = ["check", "refuse"][: len(limit.args)]
+                    severities = {*given, *(one.arg or "" for one in limit.keywords)}
+                else:
+                    severities = {ast.literal_eval(limit)}
                 found.setdefault(ast.literal_eval(node.args[0]), set()).update(severities)
                 continue
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":

@@ -12,7 +12,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.ellipse.maths.conic import compute_turns, find_sectors, fit_circle
 from agonic.fit import Fit, gather_evidence
 from agonic.health import Finding, examine, inspect
-from agonic.health.finding import Fact, Told, find_facts
+from agonic.health.finding import Fact, Limit, Told, find_facts
 from agonic.maths.rotations.tilt import down_from_force, roll_pitch_deg, tilt_from_down
 from agonic.model.posterior import Posterior
 from agonic.model.verdict import judge, shows_changes
@@ -142,14 +142,14 @@ OF_CIRCLE = (
     Fact(
         "static",
         lambda circle: circle.fit.noise / circle.shorter,
-        {"refuse": 0.2},
+        Limit(refuse=0.2),
         "the readings form a cloud, not a circle: the sensor did not turn, or noise hides it",
         TURN,
     ),
     Fact(
         "coverage",
         _measure_seen,
-        {"refuse": 90.0},  # with less seen, noise bends the ellipse where nothing was
+        Limit(refuse=90.0),  # with less seen, noise bends the ellipse where nothing was
         "only {seen:.0f}° of the circle was seen; needed is 270° at least",
         TURN,
     ),
@@ -159,21 +159,21 @@ OF_USE = (
     Fact(
         "shape",
         lambda circle: circle.ratio,
-        {"check": 2.0, "refuse": 5.0},
+        Limit(2.0, 5.0),
         "one axis of the ellipse is {value} times as long as the other",
         "look for iron beside the sensor, and for an axis in another unit",
     ),
     Fact(
         "scale",
         _measure_gain,
-        {"check": 0.25},
+        Limit(0.25),
         "the readings have {size} times the horizontal intensity of the place",
         "check the unit, the place, and that the sensor is level in the vehicle",
     ),
     Fact(
         "attitude",
         _measure_leak,
-        {"check": 1.0},
+        Limit(1.0),
         "the vehicle tilted by {tilt}° rms while it turned, which turns the heading by {value}° at "
         "a dip of {dip:.0f}°",
         "record again on level ground",
@@ -181,7 +181,7 @@ OF_USE = (
     Fact(
         "one way",
         _measure_turns,
-        {"note": -0.25},  # fewer turns the other way tell no heel in turns from iron
+        Limit(note=-0.25),  # fewer turns the other way tell no heel in turns from iron
         "the vehicle turned one way only: a heel in its turns would look like hard iron",
         "turn once each way where it heels in turns",
     ),

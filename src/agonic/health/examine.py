@@ -13,7 +13,7 @@ from agonic.health.evidence import (
     SPARE,
     Evidence,
 )
-from agonic.health.finding import Fact, Finding, Told, find_facts
+from agonic.health.finding import Fact, Finding, Limit, Told, find_facts
 from agonic.health.outliers import find_outliers
 from agonic.health.states import check_states, spreads_by_direction
 from agonic.maths.equation.coverage import describe_axis, measure_arc_deg
@@ -137,7 +137,7 @@ SMALL_TILT = Fact(
 FEW_ORIENTATIONS = Fact(
     "few orientations",
     _count_few,
-    {"check": 0, "refuse": SPARE},
+    Limit(0, SPARE),
     "the sensor was held in {count} orientations only; the calibration has {unknowns} unknowns, "
     "{left}",
     "record {enough} orientations or more, well spread, or keep turning the sensor slowly",
@@ -145,7 +145,7 @@ FEW_ORIENTATIONS = Fact(
 DISTURBED = Fact(
     "disturbed",
     lambda e: {"value": e.noise / e.radius, "percent": 100 * e.noise / e.radius},
-    {"check": NOISE_DOUBTFUL},
+    Limit(NOISE_DOUBTFUL),
     "readings scatter by {percent:.1f} % of the field about the best calibration: the field was "
     "not the same everywhere",
     "record away from steel, magnets and currents, keeping the sensor in one place",

@@ -25,18 +25,19 @@ Verdict = Literal["good", "check", "refused"]
 
 
 class Limit(NamedTuple):
-    """From where on a number is to be looked at, and from where it refuses.
+    """Above which a number is to be looked at, refuses, or is worth a note.
 
-    >>> [Limit(2.0, 10.0).grade(size) for size in (1.0, 2.0, 12.0)]
+    >>> [Limit(2.0, 10.0).grade(size) for size in (1.0, 3.0, 12.0)]
     [None, 'check', 'refuse']
     """
 
-    check: float
+    check: float = float("inf")
     refuse: float = float("inf")
+    note: float = float("inf")
 
     def grade(self, size: float) -> Severity | None:
         """How grave a number of this size is."""
-        return "refuse" if size >= self.refuse else "check" if size >= self.check else None
+        return next((one for one in _GRAVEST_FIRST if size > getattr(self, one)), None)
 
 
 def figure(value: float, digits: int = 2) -> str:
@@ -84,12 +85,12 @@ Told = Mapping[str, Any] | float | None
 
 class Fact(NamedTuple):
     """A row of a table of facts: what `measure` finds in a subject is told where its value is above
-    a limit, with the severity of the largest such limit; without limits whenever anything is found.
-    It stands in braces in `what` and `move`."""
+    the limit, or whenever anything is found, with the severity that is given. It stands in braces
+    in `what` and `move`."""
 
     name: str
     measure: Callable[..., Told]
-    limits: Severity | Mapping[Severity, float]
+    limit: Severity | Limit
     what: str
     move: str = ""
 
@@ -101,12 +102,8 @@ def find_facts(table: Iterable[Fact], *subject: object) -> Iterator[Finding]:
         if told is None:
             continue
         words: dict[str, Any] = {"value": told} if isinstance(told, float | int) else dict(told)
-        severity: Severity | None = None
-        if isinstance(fact.limits, str):
-            severity = fact.limits
-        else:
-            for name, limit in fact.limits.items():
-                severity = name if words["value"] > limit else severity
+        limit = fact.limit
+        severity = limit.grade(words["value"]) if isinstance(limit, Limit) else limit
         if severity is not None:
             said = {k: Number(v) if isinstance(v, float) else v for k, v in words.items()}
             what, move = (text.format(**said) for text in (fact.what, fact.move))

@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.health.decoding import find_decoding
 from agonic.health.evidence import FEWEST
-from agonic.health.finding import Fact, Finding, Told, figure, find_facts
+from agonic.health.finding import Fact, Finding, Limit, Told, figure, find_facts
 from agonic.health.scale import find_quantisation, measure_gravity
 from agonic.health.sticking import Sticking, find_sticking, is_throughout
 from agonic.maths.one_pass import find_length, median
@@ -128,7 +128,7 @@ FACTS = (
         Fact(
             "frozen axis",
             partial(_measure_stuck, axis=axis),
-            {"check": -1.0, "refuse": 0.0},  # stuck for a time, dead throughout
+            Limit(-1.0, 0.0),  # stuck for a time, dead throughout
             f"axis {name} {{what}}",
             "{move}",
         )
@@ -152,7 +152,7 @@ FACTS = (
     Fact(
         "repeated readings",
         _measure_repeated,
-        {"note": 5.0},
+        Limit(note=5.0),
         "{value:.0f} % of the readings repeat the one before: the log runs faster than the sensor",
     ),
     Fact("gaps", _measure_gaps, "note", "{many} in time, the longest {longest:.1f} s"),

@@ -18,7 +18,7 @@ from agonic.maths.rotations import deviation as kernel
 
 LIMITS = {
     "amplified": Limit(3.0, 10.0),  # standard error over that of as many headings evenly spread
-    "gap": Limit(120.0, 180.0),  # °; the headings lie in one half
+    "gap": Limit(120.0, 179.9),  # °; from half a circle on the headings lie in one half
     "uncertain": Limit(2.0, 10.0),  # °, standard error of the curve, rms over all headings
     "heel": Limit(1.0),  # °, rms of heel that no other term explains
     "scatter": Limit(5.0),  # °

@@ -13,7 +13,7 @@ from agonic.arrays import Array, Index
 from agonic.calibration.affine import Affine
 from agonic.calibration.setup import Compass, Setup
 from agonic.health import Finding, Judged, figure
-from agonic.health.finding import Fact, Told
+from agonic.health.finding import Fact, Limit, Told
 from agonic.inertial.maths.shots import BIAS_A, BIAS_M, DIP, MATRIX_M, SHAPE_A
 from agonic.inertial.pair.problem import DIP_SD, Problem
 from agonic.inertial.pair.solve import MOST_LEFT_OUT
@@ -178,21 +178,21 @@ FACTS = (
     Fact(
         "shot left out",
         _name_left_out,
-        {"note": 0.0, "check": MOST_LEFT_OUT / 2},
+        Limit(note=0.0, check=MOST_LEFT_OUT / 2),
         "{which} not fit the others and {were} left out",
         "repeat it: it was not at rest, off its target, or near iron",
     ),
     Fact(
         "not at rest",
         _measure_gravity,
-        {"check": 2.0, "refuse": 6.0},
+        Limit(2.0, 6.0),
         "gravity scatters by {value} % from shot to shot",
         "put it down or lean it against something for each shot",
     ),
     Fact(
         "field varies",
         _measure_field,
-        {"check": 2.0, "refuse": 6.0},
+        Limit(2.0, 6.0),
         "the field scatters by {value} % from shot to shot",
         "turn the instrument about one spot away from iron, with nothing magnetic on you",
     ),
@@ -210,7 +210,7 @@ FACTS = (
     Fact(
         "sight not kept",
         lambda solved: solved.fit.sight and solved.fit.sight.scatter_deg,
-        {"check": 1.0, "refuse": 5.0},
+        Limit(1.0, 5.0),
         "on one target the sight scatters by {value}°",
         "keep it on the target through the whole roll, from a fixed spot and a few metres off; a "
         "shot at no target has the number 0",
@@ -218,7 +218,7 @@ FACTS = (
     Fact(
         "attitudes missing",
         _measure_heading,
-        {"check": 0.5, "refuse": 2.0},
+        Limit(0.5, 2.0),
         "{n} shots leave the heading uncertain by {value}°",
         "{add}",
     ),
@@ -231,14 +231,14 @@ FACTS = (
     Fact(
         "dip",
         _measure_dip,
-        {"check": 0.0, "refuse": 15.0},
+        Limit(0.0, 15.0),
         "the field dips by {dip:.1f}° and {expected:.1f}° is expected here",
         "check the place, and look for iron: under a roof or in a car the dip differs",
     ),
     Fact(
         "field points up",
         lambda solved: None if _knows_dip(solved) else -solved.fit.inclination_deg,
-        {"check": 0.0},
+        Limit(0.0),
         "the field points up by {value:.1f}°: right in the southern hemisphere; elsewhere the log "
         "has gravity itself where the specific force belongs, and headings turn the wrong way",
         "say where it was recorded (--at LAT,LON): then the sign is found and corrected",
