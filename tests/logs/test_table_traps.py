@@ -100,6 +100,15 @@ def test_units_in_the_cells_are_those_of_their_columns(tmp_path, between, unit):
     check(read(write(tmp_path, text)))
 
 
+def test_a_cell_with_another_unit_than_its_column_is_no_reading(tmp_path):
+    cells = [[f"{t:.2f}", *[f"{v} uT" for v in b]] for t, b in PAIRS]
+    cells[30][1] = "20.0 nT"
+    text = "\n".join(["time_s,mag_x,mag_y,mag_z", *map(",".join, cells)])
+    assert len(read(write(tmp_path, text))) == N - 1
+    with pytest.raises(LogError, match="hold no number"):
+        read(write(tmp_path, text.replace("mag_x,mag_y,mag_z", "mag_x_nT,mag_y_nT,mag_z_nT")))
+
+
 @pytest.mark.parametrize("comma", [True, False])
 @pytest.mark.parametrize("apart", [" ", "\u00a0", "\u202f", "'", "."])
 def test_thousands_apart_as_spreadsheets_write_them(tmp_path, apart, comma):

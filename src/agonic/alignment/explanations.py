@@ -92,11 +92,11 @@ def find_explanations(
 
 def choose_explanations(found: Iterable[Explanation], now: float) -> list[Explanation]:
     """The best first, where it leaves less than half of the misfit that there is now, and others
-    that leave no more than half as much again."""
+    that do so too and leave no more than half as much again."""
     order = sorted(found, key=lambda one: one.left)
     if not order or not order[0].left < now / 2:
         return []
-    return [one for one in order if one.left <= 1.5 * order[0].left]
+    return [one for one in order if one.left <= min(1.5 * order[0].left, now / 2)]
 
 
 def report_misfit(

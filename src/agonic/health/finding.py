@@ -25,11 +25,7 @@ Verdict = Literal["good", "check", "refused"]
 
 
 class Limit(NamedTuple):
-    """Above which a number is to be looked at, refuses, or is worth a note.
-
-    >>> [Limit(2.0, 10.0).grade(size) for size in (1.0, 3.0, 12.0)]
-    [None, 'check', 'refuse']
-    """
+    """Above which a number is to be looked at, refuses, or is worth a note."""
 
     check: float = float("inf")
     refuse: float = float("inf")
@@ -52,11 +48,7 @@ class Finding:
     """A named observation: what was seen, and the move that helps.
 
     `moments` are those at which something changed, in seconds of the log's clock, or rows where it
-    has none.
-
-    >>> Finding("static", "refuse", "the sensor did not turn", "turn it about all axes").sentence
-    'the sensor did not turn; turn it about all axes'
-    """
+    has none."""
 
     name: str
     severity: Severity

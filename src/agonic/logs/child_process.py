@@ -103,7 +103,6 @@ class Child:
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=subprocess.DEVNULL,
-                    pipesize=1 << 20,
                     env={**os.environ, **_ENVIRONMENT},
                 )
                 self._finalizer = weakref.finalize(self, _kill, self._process, self._owner)
@@ -172,15 +171,19 @@ def serve(most_memory: int) -> None:
 def _answer(request: bytes) -> Iterator[Any]:
     """Whether it failed, and with what or the result, as bytes: a head, then its arrays."""
     buffers: list[pickle.PickleBuffer] = []
+    failed: BaseException | None = None
     try:
         function, given = pickle.loads(request)
         answer = False, function(given)
+        head = pickle.dumps(answer, protocol=5, buffer_callback=buffers.append)
     except (AgonicError, MemoryError) as error:
-        answer = True, error
+        failed = error
     except BaseException as error:
-        answer = True, RuntimeError(f"{type(error).__name__}: {error}")
-        answer[1].add_note(traceback.format_exc())
-    head = pickle.dumps(answer, protocol=5, buffer_callback=buffers.append)
+        failed = RuntimeError(f"{type(error).__name__}: {error}")
+        failed.add_note(traceback.format_exc())
+    if failed is not None:
+        buffers.clear()
+        head = pickle.dumps((True, failed), protocol=5)
     parts = [buffer.raw() for buffer in buffers]
     yield pickle.dumps((head, [part.nbytes for part in parts]))
     yield from parts

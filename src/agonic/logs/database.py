@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError
 from agonic.logs.child_process import LONGEST_S
-from agonic.logs.contents import MOST_BYTES, MOST_PARTS
+from agonic.logs.contents import MOST_BYTES
 from agonic.logs.groups import build_groups_log, name_axes
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, identify_columns, refuse_many
@@ -69,7 +69,7 @@ def _read_tables(database: sqlite3.Connection) -> tuple[dict[str, Table], list[s
     tables: dict[str, Table] = {}
     others: list[str] = []
     room = MOST_BYTES // 8
-    for name in [str(row[0]) for row in listed.fetchmany(MOST_PARTS)]:
+    for name in [str(row[0]) for row in listed.fetchmany(256)]:
         headers = [str(row[1]) for row in database.execute(f"PRAGMA table_info({_quote(name)})")]
         refuse_many(len(headers))
         wanted = find_columns(rename_headers(headers))

@@ -214,7 +214,8 @@ def find_posterior(
     if at is None:
         return None
     at = at._replace(soft_iron=problem if shrink else None)
-    return _gather(at, considered or {}, priors_alone=not alone)
+    known = _gather(at, considered or {}, priors_alone=not alone)
+    return known if np.isfinite(known.covariance).all() else None  # an axis that never moved
 
 
 @or_none
@@ -293,7 +294,7 @@ def _weigh_absent(variance: float, shares: Sequence[Share]) -> float:
     σ₀ + Σ p (√(σ₀² + v/p) − σ₀): what is rare and large hardly moves an interval of 95 %."""
     added = np.array([one.heading_deg**2 for one in shares])
     chance = 1.0 / (1.0 + np.exp(-np.array([one.odds for one in shares])))
-    if not added.sum() > 0.0:
+    if not 0.0 < added.sum() < np.inf:
         return 1.0
     more = np.sqrt(chance**2 * variance + chance * added) - chance * np.sqrt(variance)
     whole = (np.sqrt(variance) + more.sum()) ** 2

@@ -185,7 +185,8 @@ def calibrate_each(
         only = None if second else which.sensor
         recording, sensors = open_sensors(log, only, which.unit, between)
     if any(samples.axes == "xy" for samples in sensors):
-        refuse_of_two_axes(log, all_rows | {"--second": second, "--between": None})
+        named = {f"--method {method}": method != "auto", "--second": second, "--between": None}
+        refuse_of_two_axes(log, all_rows | named)
     if word is not None:
         sensors = tuple(read_as(samples, word) for samples in sensors)
     if second not in (None, "auto"):

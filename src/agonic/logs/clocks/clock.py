@@ -161,7 +161,8 @@ def _moment(text: str, order: str | None) -> datetime | None:
     from agonic.logs.clocks.dates import write_iso
 
     plain = text.strip().strip("\"'").replace("/", "-")
-    for written in (plain, write_iso(plain, order) or ""):
+    for again in (False, True):  # most texts are in order as they are
+        written = (write_iso(plain, order) or "") if again else plain
         for dated in (written, f"0001-01-01 {written}"):
             with suppress(ValueError, OverflowError):
                 found = datetime.fromisoformat(dated)

@@ -42,8 +42,7 @@ def list_tracks(
 
 
 def _list_attitude(topics: tracks.Tables) -> Iterator[tracks.Quantity]:
-    """Roll, pitch and heading; the throttle as the length of the thrust, where none is logged (a
-    throttle goes before it)."""
+    """Roll, pitch and heading; the throttle as the length of the thrust, where none is logged."""
     attitude, thrust = topics.get("vehicle_attitude[0]"), topics.get("vehicle_thrust_setpoint[0]")
     quat = None if attitude is None else attitude.stack(*(f"q[{i}]" for i in range(4)))
     if attitude is not None and quat is not None:
@@ -52,7 +51,9 @@ def _list_attitude(topics: tracks.Tables) -> Iterator[tracks.Quantity]:
         for name, angle in zip(ATTITUDE, compute_euler_deg(quat), strict=True):
             yield name, attitude, angle
     force = None if thrust is None else thrust.stack("xyz[0]", "xyz[1]", "xyz[2]")
-    if thrust is not None and force is not None:
+    controls = topics.get("actuator_controls_0[0]")
+    logged = controls is not None and controls.get("control[3]") is not None
+    if thrust is not None and force is not None and not logged:
         yield "throttle", thrust, np.linalg.norm(force.astype(np.float64), axis=1)
 
 
@@ -100,7 +101,7 @@ def _list_disturbers(topics: tracks.Tables) -> Iterator[tracks.Quantity]:
         if (
             outputs is not None
             and pulse is not None
-            and np.nanmax(pulse) > tracks.SHORTEST_PULSE_US
+            and np.nanmax(pulse, initial=0.0) > tracks.SHORTEST_PULSE_US
         ):
             duty = 1e-3 * pulse.astype(np.float64) - 1.0
             yield f"output{k + 1}_duty", outputs, np.clip(duty, 0.0, 1.0)

@@ -94,7 +94,8 @@ def read_message(message: Any, columns: str) -> Row:
             axes = "xyz" if "*" in name else "*"
             sign = -1.0 if path[0] == "-" else 1
             said |= {name.replace("*", a): sign * _get(message, stem.replace("*", a)) for a in axes}
-    if sum(value**2 for name, value in said.items() if name.startswith("orientation_")) <= 0.25:
+    square = sum(value**2 for name, value in said.items() if name.startswith("orientation_"))
+    if not square > 0.25:  # nor where it is NaN
         said = {name: value for name, value in said.items() if not name.startswith("orientation_")}
     pulses = (n for n, value in said.items() if n.endswith("_us") and value <= SHORTEST_PULSE_US)
     drop = {*pulses, *(name for name in ("current_A",) if math.isnan(said.get(name, 0.0)))}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -221,6 +222,8 @@ def _read_body(
         raise LogError("there is a header but no row below it")
     header = rename_headers(long_table.name_label(_name_index(layout.header, first), first), title)
     stated = numbers.find_units(first, len(header))
+    stated = {i: unit for i, unit in stated.items() if _agrees(header[i], unit)}
+    layout = replace(layout, units=stated)
     for i, unit in stated.items():
         known = identify_column(header[i])
         if known is not None and known.unit is None:
@@ -253,6 +256,14 @@ def _read_body(
         else:
             table[name] = values[numeric.index(i)]
     return table, [h for i, h in enumerate(layout.header) if i not in wanted], tuple(notes)
+
+
+def _agrees(header: str, unit: str) -> bool:
+    """Whether a unit may stand in the cells of a column: its header has the same one, or none."""
+    column, plain = identify_column(header), identify_column(f"mag_x ({unit})")
+    if column is None or column.unit is None or column.quantity.column != "field":
+        return column is not None and column.unit is None
+    return plain is not None and plain.unit == column.unit
 
 
 def _name_index(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

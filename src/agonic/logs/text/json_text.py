@@ -95,7 +95,9 @@ def _load_file(path: Path) -> tuple[list[dict[str, Any]], int]:
         raise LogError("a JSON text of this size is no log that fits in memory; write a CSV table")
     data = decode_marked(path.read_bytes())
     if _PRINTED.match(data):
-        data = _CALL.sub(rb"\1", data).translate(_FROM_PYTHON).replace(b"None", b"null")
+        data = _CALL.sub(rb"\1", data).translate(_FROM_PYTHON)
+        for theirs, ours in ((b"None", b"null"), (b"True", b"true"), (b"False", b"false")):
+            data = data.replace(theirs, ours)
     for text in (data, _NO_NUMBER.sub(b"null", data)):
         try:
             return _find_records(msgspec.json.decode(text)), 0

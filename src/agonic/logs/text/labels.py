@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.logs.contents import DEEPEST
 from agonic.logs.headers.columns import find_quantities
 from agonic.logs.headers.header import identify_column, is_unit
 from agonic.logs.headers.quantities import FALLBACK
@@ -56,7 +55,7 @@ def read_echo(rows: Iterable[str]) -> Iterator[dict[str, object]]:
             within.pop()
         value = (line["value"] or "").strip()
         if not value:
-            within = [*within, (indent, line["key"])][:DEEPEST]
+            within = [*within, (indent, line["key"])][:8]
             continue
         name = ".".join([*(key for _, key in within), line["key"]])
         message[name] = (

@@ -9,9 +9,9 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice, pairwise
 from typing import Any
 
@@ -66,7 +66,8 @@ _NUMBERS = re.compile(
 class Layout:
     """How a text table is laid out; a `separator` of `None` means blanks. `start` is the line of
     the first row, `width` the number of its cells, `rate_Hz` what the lines before the table state,
-    `comma` whether numbers have a decimal comma, `unit` that of the field by those lines."""
+    `comma` whether numbers have a decimal comma, `unit` that of the field by those lines, `units`
+    those behind the numbers of columns, by position."""
 
     separator: str | None
     header: list[str]
@@ -76,6 +77,7 @@ class Layout:
     rate_Hz: float | None = None
     unit: str = ""
     notes: tuple[str, ...] = ()
+    units: Mapping[int, str] = field(default_factory=dict)
 
     def split(self, line: str) -> list[str]:
         """The cells of a line, with a decimal point in their numbers."""

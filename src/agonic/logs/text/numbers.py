@@ -67,8 +67,11 @@ def read_hexadecimal(cells: Sequence[str]) -> tuple[Array, str]:
     return values, "unsigned"
 
 
-_GROUPED = re.compile(r"[-+]?\d{1,3}(?:([,\s'’])\d{3})(?:\1\d{3})*(?:\.\d*)?")
-"""A number with something between its thousands."""
+_GROUPED = re.compile(
+    r"[-+]?\d{1,3}(?:([,\u00a0\u2009\u202f'’])\d{3})(?:\1\d{3})*(?:\.\d*)?"
+    r"|[-+]?\d{1,3}(?: \d{3})+\.\d+"
+)
+"""A number with something between its thousands; two numbers may have a plain blank between."""
 _WITH_UNIT = re.compile(rf"({NUMBER})\s*([^\W\d_][\w/²^]*)")
 _FORTRAN = re.compile(r"([-+]?\d*\.?\d+)[dD]([-+]?\d+)")
 _BLOCK = 2_000_000
@@ -192,12 +195,17 @@ def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array
         )
     except ValueError:
         split = map(layout.split, rows)
-        cells = (_read_cell(row[i]) if i < len(row) else math.nan for row in split for i in columns)
+        cells = (
+            _read_cell(row[i], layout.units.get(i, "")) if i < len(row) else math.nan
+            for row in split
+            for i in columns
+        )
         return np.fromiter(cells, np.float64).reshape(len(rows), len(columns)).T
 
 
-def _read_cell(cell: str) -> float:
-    """The number in a cell, as people and Fortran write it: 52 714.0, 5.27D+04, 52.7 uT."""
+def _read_cell(cell: str, unit: str) -> float:
+    """The number in a cell, as people and Fortran write it: 52 714.0, 5.27D+04; with the unit of
+    its column behind it, if any, but with no other."""
     number = to_number(cell)
     if not math.isnan(number):
         return number
@@ -206,7 +214,7 @@ def _read_cell(cell: str) -> float:
     if written := _FORTRAN.fullmatch(cell):
         return to_number(f"{written[1]}e{written[2]}")
     stated = _WITH_UNIT.fullmatch(cell)
-    return float(stated[1]) if stated and is_unit(stated[2]) else math.nan
+    return float(stated[1]) if unit and stated and stated[2] == unit else math.nan
 
 
 def find_units(rows: Sequence[Sequence[str]], width: int) -> dict[int, str]:

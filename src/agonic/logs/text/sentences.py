@@ -80,9 +80,9 @@ def read_beside(sentences: Sequence[Sentence]) -> dict[str, Series]:
     found: dict[str, list[tuple[float, float]]] = {}
     for sentence in sentences:
         for header, written in _match("beside", sentence).items():
-            number, _, side = written.partition(",")
+            number, comma, side = written.partition(",")
             value = to_number(number)
-            if side:  # ddmm.mmm, and the hemisphere
+            if comma:  # ddmm.mmm, and the hemisphere
                 value = np.floor(value / 100) + value % 100 / 60
             if np.isfinite(value):
                 value = -value if side in ("S", "W") else value
