@@ -38,7 +38,15 @@ def undelayed(samples: Samples, latency_s: float) -> Samples:
     its time becomes t − `latency_s`, and all other columns are interpolated to that moment:
     attitudes along the shortest turn, stations by the nearest row. Rows whose moment nothing was
     recorded about (ends, gaps) are left out and counted in `rejected`. Raises `AgonicError`
-    without times, `CoverageError` where no row is left."""
+    without times, `CoverageError` where no row is left.
+
+    >>> s = Samples(time=[0, 1, 2], field=np.eye(3), heading_deg=[340, 350, 20])
+    >>> on_time = undelayed(s, 0.5)
+    >>> on_time.time.tolist(), on_time.heading_deg.round(9).tolist()
+    ([0.5, 1.5], [345.0, 5.0])
+    >>> dict(on_time.rejected)
+    {'nothing recorded at the moment of the reading': 1}
+    """
     time = samples.time
     if time is None or len(samples) < 2:
         raise AgonicError("a latency needs the times of the readings; this log has none")

@@ -37,7 +37,14 @@ def with_course(samples: Samples, *, speed_sd_m_s: float = SPEED_SD_M_S) -> Samp
     rover that drives forwards, never for a boat, a plane or a copter, which drift aside.
 
     Parameters: samples with times and positions; `speed_sd_m_s` of a velocity over two seconds.
-    Raises `LogError` without times or positions, or where nothing moved."""
+    Raises `LogError` without times or positions, or where nothing moved.
+
+    >>> time = np.arange(0.0, 20.0, 0.5)
+    >>> east = Samples(field=np.ones((40, 3)), time=time, latitude_deg=np.zeros(40),
+    ...                longitude_deg=4e-5 * time, unit="nT")
+    >>> float(with_course(east).heading_deg[20].round(1))
+    90.0
+    """
     time, latitude, longitude = samples.time, samples.latitude_deg, samples.longitude_deg
     if time is None or latitude is None or longitude is None:
         raise LogError(

@@ -242,7 +242,12 @@ def calibrate(
         board joins the fit where it matters.
     settings : those of the fit.
 
-    Raises `CoverageError` where nothing can be fitted at all."""
+    Raises `CoverageError` where nothing can be fitted at all.
+
+    >>> from agonic.simulation import simulate
+    >>> calibrate(simulate("tumble").samples, Reference.constant(50_000)).verdict
+    'good'
+    """
     meant, known, wrong = undo_damage(as_samples(samples, unit), Reference.of(reference, unit))
     found = find_turn(meant, known) if kind == "auto" else None
     if found is not None:
