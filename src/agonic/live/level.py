@@ -19,7 +19,7 @@ WIDTH_DEG = 360 / SECTORS
 SEEN_ROWS = 3
 """Rows in a sector that is seen."""
 LEVEL_DEG = 30.0
-"""A vehicle that stays within this of its usual attitude, but for a twentieth of its way, is level."""
+"""Of tilt from its usual attitude: a vehicle within it but for a twentieth of its way is level."""
 SMOOTH_S = 2.0
 """Over which the acceleration is averaged to tell down."""
 TURN_DEG_S = 20.0
