@@ -51,6 +51,16 @@ def test_from_log_to_heading(tmp_path, capsys, header) -> None:
     assert np.sqrt(np.mean(off**2)) < 1.0  # noise of a reading: 0.5°
 
 
+def test_a_long_table_of_two_axes_is_read_whole(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("agonic.logs.large.mission.IN_MEMORY", 100)
+    parquet = pytest.importorskip("pyarrow.parquet")
+    csv = pytest.importorskip("pyarrow.csv")
+    log = tmp_path / "boat.parquet"
+    parquet.write_table(csv.read_csv(write_log(tmp_path / "boat.csv", record(0))), log)
+    _, told = answer(capsys, "calibrate", str(log), *PLACE, "-o", str(tmp_path / "out"))
+    assert told["sensors"][0]["verdict"] == "good"
+
+
 def test_a_calibration_alone_is_level_and_a_place_not_needed_to_calibrate(tmp_path, capsys) -> None:
     log, out = str(write_log(tmp_path / "boat.csv", record(0))), tmp_path / "out"
     assert run(["calibrate", log, "-o", str(out)]) == 0

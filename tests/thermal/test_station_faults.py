@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import agonic as ag
 from agonic.thermal.fit.fit import fit_thermal
 from agonic.thermal.fit.result import ThermalFit
 from tests.thermal.chambers import FIELD, KNOWN, Made, campaign, nine
@@ -173,3 +174,11 @@ def test_a_step_that_turns_known_poorly_do_not_show_is_spoken_of() -> None:
         fit = fit_thermal(made.samples, KNOWN, stations="known", **QUICK)
         assert fit.ok
         assert (said in fit.status.lower()) is spoken
+
+
+def test_stations_without_times_and_one_coefficient_are_fitted() -> None:
+    """No term is left to be sought there: neither within a station nor over time."""
+    s = campaign(n=60).samples
+    untimed = ag.Samples(field=s.field, station=s.station, temperature=s.temperature, unit="nT")
+    fit = fit_thermal(untimed, degree=0)
+    assert np.isfinite(fit.calibration.bias).all()

@@ -79,7 +79,7 @@ def calibrate(
         mounting=mounting,
         word=word,
     )
-    if any(result.samples.axes == "xy" for result in results):
+    if any(samples.axes == "xy" for samples in recording.sensors):
         refuse_of_two_axes(log, {"--store": store, "--as": name})
     written = write_folder(
         results, folder, title=recording.source.name, stack=recording.stack, failures=failures

@@ -93,7 +93,7 @@ def find_facts(table: Iterable[Fact], *subject: object) -> Iterator[Finding]:
         told = fact.measure(*subject)
         if told is None:
             continue
-        words: dict[str, Any] = {"value": told} if isinstance(told, float | int) else dict(told)
+        words = dict(told) if isinstance(told, Mapping) else {"value": told}
         limit = fact.limit
         severity = limit.grade(words["value"]) if isinstance(limit, Limit) else limit
         if severity is not None:

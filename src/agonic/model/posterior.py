@@ -289,9 +289,8 @@ def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
 
 
 def _weigh_absent(variance: float, shares: Sequence[Share]) -> float:
-    """The part of their variances by which terms that are not there count beside the `variance` of
-    a level heading σ₀², so that its standard error is the mean over whether each is there,
-    σ₀ + Σ p (√(σ₀² + v/p) − σ₀): what is rare and large hardly moves an interval of 95 %."""
+    """The part of their variances v by which terms that are not there count beside that of a level
+    heading, σ₀²: the mean of standard errors σ₀ + Σ p (√(σ₀² + v/p) − σ₀), by chances p."""
     added = np.array([one.heading_deg**2 for one in shares])
     chance = 1.0 / (1.0 + np.exp(-np.array([one.odds for one in shares])))
     if not 0.0 < added.sum() < np.inf:

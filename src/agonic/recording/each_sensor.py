@@ -6,7 +6,7 @@ Of two of a vehicle, whether one thing disturbs both, and the mix that cancels i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from agonic.console.parse import parse_mounting
 from agonic.console.place import Beside, find_reference, open_beside_scalar
 from agonic.console.progress import counting, progress, waiting
 from agonic.console.sensors import open_sensors
-from agonic.errors import AgonicError, CoverageError
+from agonic.errors import AgonicError, CoverageError, TwoAxisError
 from agonic.health import Finding, figure
 from agonic.health.decoding import read_as
 from agonic.logs.log import Log, allow_two_axes
@@ -176,7 +176,9 @@ def calibrate_each(
         "--as": word,
         "--scalar": scalar.column,
     }
-    long = open_missions(log, *which, all_rows)
+    long: tuple[Mission, ...] = ()
+    with suppress(TwoAxisError):  # such a log is read whole
+        long = open_missions(log, *which, all_rows)
     if long:
         jobs = [(one.head().name, partial(calibrate_mission, one, place)) for one in long]
         results, failures = _run(jobs)

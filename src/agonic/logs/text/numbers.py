@@ -204,8 +204,7 @@ def _read_by_numpy(body: bytes, layout: Layout, columns: Sequence[int]) -> Array
 
 
 def _read_cell(cell: str, unit: str) -> float:
-    """The number in a cell, as people and Fortran write it: 52 714.0, 5.27D+04; with the unit of
-    its column behind it, if any, but with no other."""
+    """The number in a cell, as people and Fortran write it; a unit behind it is the column's."""
     number = to_number(cell)
     if not math.isnan(number):
         return number

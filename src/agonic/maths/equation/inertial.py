@@ -107,7 +107,7 @@ def shared_dip_residual(
         vertical,
         noise_sd,
         share,
-        differentiate=bool(differentiate),
+        differentiate=differentiate,
     )
     if not differentiate:
         return r, jacobian

@@ -350,6 +350,7 @@ def find_faults(
         if one.kind in OF_ALL or one.station not in left_out
     ]
     terms = _list_terms(fit, time, candidates, fit.left)
+    look = look and bool(terms.groups)
     ways, variance = [(0.0, fit.slow)], 1.0
     for turn in range(_ROUNDS if look else 0):
         if turn:  # until it is found a fault is scatter, and memory

@@ -61,10 +61,9 @@ def find_unseen_turn(row: Any, elapsed: float, watch: Any) -> float:
         watch[RATE + i], watch[RATE + 3 + i] = row[4 + i], change
     now = total / 3.0
     watch[RATE + 6] += (now - watch[RATE + 6]) / 16.0
-    # σ² of rates over the variance of the mean of two
+    # a second difference has the variance 6 σ² of rates, the mean of two σ²/2
     unseen = elapsed * elapsed * max(now, watch[RATE + 6]) / 12.0
-    # rad²: nothing is known of a direction
-    unseen = min(unseen, 4.0)
+    unseen = min(unseen, 4.0)  # rad²: nothing is known of a direction
     watch[UNSEEN] += (unseen - watch[UNSEEN]) / 256.0
     return float(unseen)
 
