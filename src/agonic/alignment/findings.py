@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from agonic.health import Finding, figure
-from agonic.health.finding import Severity
+from agonic.health import Finding
+from agonic.health.finding import Severity, word_finding
 from agonic.report.digits import significant
 
 
@@ -283,22 +283,7 @@ def report_above(name: str, size: float, /, **values: str | float) -> Iterator[F
 def report(name: str, severity: Severity | None = None, /, **values: str | float) -> Finding:
     """A finding of the table; numbers with two digits, unless their format says how."""
     row = FINDINGS[name]
-    said = {
-        key: _Number(value) if isinstance(value, float) else value for key, value in values.items()
-    }
-    return Finding(
-        name,
-        severity or row.severities[0],
-        row.message.format_map(said),
-        row.action.format_map(said),
-    )
-
-
-class _Number(float):
-    """A number that is written with two significant digits where no format is asked for."""
-
-    def __format__(self, spec: str) -> str:
-        return super().__format__(spec) if spec else figure(float(self))
+    return word_finding(name, severity or row.severities[0], row.message, row.action, values)
 
 
 def write_by_axis(sds: Iterable[float], unit: str = "″", between: str = "   ") -> str:

@@ -15,7 +15,7 @@ def find_width() -> int:
     width = int(told) if told.isdecimal() else 0
     if not width and sys.stdout.isatty():
         width = os.get_terminal_size(sys.stdout.fileno()).columns
-    return min(max(width or 100, 40), 200)
+    return min(max(width or 100, 40), 200)  # 100 into a file or a pipe
 
 
 _ASCII = {

@@ -84,7 +84,7 @@ def understand(path: Path, samples: Samples) -> Understood:
     tried = sorted(_try_all(read_foreign(path), samples), key=lambda one: one[0])
     spread, affine, how = tried[0]
     before = _find_spread(samples.field)
-    if not spread < max(0.5 * before, 0.03):
+    if not spread < max(0.5 * before, 0.03):  # half of what was recorded, or 3 % of the field
         raise LogError(
             f"this calibration does not fit {samples.name} in any of the ways that were tried: "
             f"the magnitude varies by {100 * spread:.1f} %, as recorded by {100 * before:.1f} %; "
@@ -94,7 +94,7 @@ def understand(path: Path, samples: Samples) -> Understood:
     others = [s for s, other, _ in tried[1:] if not _is_same(affine, other)]
     left = f"the magnitude varies by {100 * spread:.2g} % with it, by {100 * before:.2g} % without"
     nearest = min(others, default=float("inf"))
-    if nearest < 1.5 * spread:
+    if nearest < 1.5 * spread:  # the log does not tell which is meant
         left += f"; another reading of it leaves {100 * nearest:.2g} %: hardly different"
     made = _make_provenance(path, read_bytes(path), f"{how}; {left}")
     found = Affine(

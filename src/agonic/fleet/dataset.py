@@ -61,11 +61,11 @@ def find_doubts(
             "scale": (unit == "nT") & ~((gain > GAIN[0]) & (gain < GAIN[1])),
             "coverage": ~(fits.heading_sd_deg < 0.5),  # two halves of a log agree within 2°
             "noise": ~(relative < 0.02),  # of adjusted and likely fits the weights are alike
-            "prior": ~(_compute_pull(fits) < 0.2),
+            "prior": ~(_compute_pull(fits) < 0.2),  # standard errors
             "outliers": (residuals.largest.max(axis=1) > limit * relative)
-            | (residuals.fourths.sum(axis=1) > 5.0 * count * relative**4),  # kurtosis
+            | (residuals.fourths.sum(axis=1) > 5.0 * count * relative**4),  # kurtosis, of noise 3
             "changed": ~(_compute_changes(residuals) < MAX_CHANGES),
-            "clipping": grouped.at_ends > np.maximum(12, 0.02 * count),
+            "clipping": grouped.at_ends > np.maximum(12, 0.02 * count),  # of an axis's range
             "axes": residuals.vertical > 0.6 * VERTICAL_DOUBTFUL,
         }
 
@@ -82,9 +82,8 @@ def _compute_pull(fits: Fits) -> Array:
     """By how many standard errors the prior on soft iron would move each result, (n,)."""
     fitted = fits.fitted
     pull = np.full(len(fits), np.nan)
-    pull[fitted] = soft_iron_pull(
-        fits.matrix[fitted], fits.covariance[fitted], 0.1
-    )  # of `fit_ellipsoid`
+    prior_sd = 0.1  # on soft iron, of `fit_ellipsoid`
+    pull[fitted] = soft_iron_pull(fits.matrix[fitted], fits.covariance[fitted], prior_sd)
     return pull
 
 
@@ -211,7 +210,7 @@ class _ChannelWork:
 
     def _refine(self, names: NDArray[Any], ids: Index) -> Iterator[Row]:
         """The rows of these sensors, calibrated as logs are."""
-        engine = self.engine or (Here() if len(ids) <= 64 else Processes())
+        engine = self.engine or (Here() if len(ids) <= 64 else Processes())  # they begin slowly
         function = partial(
             calibrate_by_rows,
             dataset=self.dataset,

@@ -172,7 +172,7 @@ def _follow(attitude: Attitude, seen: DipResiduals, within: _Within) -> Attitude
     share = mean(tilt / total)
     less = np.maximum(mean(z**2 - seen.noise / total), 0.0) / np.maximum(share, 1e-9)
     shown = 2 * np.minimum(mean(seen.north), 1.0 - mean(seen.north))
-    shown = np.where(shown > 0.05, shown, 0.0)
+    shown = np.where(shown > 0.05, shown, 0.0)  # less shows nothing of an axis
     telling = independent * shown * share**2
     less = np.minimum(less / np.maximum(shown, 1e-3), 1.0)
     less = (CAUTION + telling * less) / (CAUTION + telling)

@@ -265,8 +265,7 @@ class Ellipsoid(NamedTuple):
 def fit_ellipsoid(field: Array) -> Ellipsoid:
     """The ellipsoid that is nearest to most readings (k, 3).
 
-    A prior holds the shape S: without it two planes would fit readings that jump.
-    """
+    A prior holds the shape S: without it two planes would fit readings that jump."""
     there = field[np.isfinite(field).all(axis=1)]
     centre = np.median(there, axis=0)
     size = median(find_length(there - centre)) or 1.0

@@ -97,9 +97,15 @@ def find_facts(table: Iterable[Fact], *subject: object) -> Iterator[Finding]:
         limit = fact.limit
         severity = limit.grade(words["value"]) if isinstance(limit, Limit) else limit
         if severity is not None:
-            said = {k: Number(v) if isinstance(v, float) else v for k, v in words.items()}
-            what, move = (text.format(**said) for text in (fact.what, fact.move))
-            yield Finding(fact.name, severity, what, move)
+            yield word_finding(fact.name, severity, fact.what, fact.move, words)
+
+
+def word_finding(
+    name: str, severity: Severity, what: str, move: str, words: Mapping[str, Any]
+) -> Finding:
+    """The finding of a row of a table, with these words in its braces."""
+    said = {key: Number(one) if isinstance(one, float) else one for key, one in words.items()}
+    return Finding(name, severity, what.format(**said), move.format(**said))
 
 
 def sort_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
@@ -110,8 +116,7 @@ def sort_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
 
 def verdict_of(findings: Iterable[Finding], *, failed: bool = False) -> Verdict:
     """`good`, `check` or `refused`, by the gravest of the findings; a check that failed counts as
-    one to be looked at.
-    """
+    one to be looked at."""
     severities = {finding.severity for finding in findings}
     if "refuse" in severities:
         return "refused"

@@ -234,8 +234,7 @@ def find_stopped_rows(values: Array, others: Sequence[Array]) -> Mask:
 
 def check_clipping(samples: Samples) -> Finding | None:
     """The finding that the gyro reads one largest rate again and again: it turned faster. Not where
-    readings repeat anyway, as those of a coarse gyro do.
-    """
+    readings repeat anyway, as those of a coarse gyro do."""
     rate = samples.rotation_rate
     if rate is None or len(rate) < MIN_ROWS:
         return None

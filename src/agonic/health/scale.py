@@ -29,8 +29,7 @@ def find_quantisation(field: Array) -> float | None:
 
 def find_steps(field: Array) -> Array:
     """The smallest step between distinct readings of each axis, (3,); 0 where there is none. Every
-    difference is a multiple of it, and readings repeat.
-    """
+    difference is a multiple of it, and readings repeat."""
     some = field[:: 1 + len(field) // MOST_ROWS]
     return np.array([_find_step(column) for column in some.T])
 

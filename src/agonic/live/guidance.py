@@ -75,7 +75,7 @@ def make_guidance(
     ]
     if stays_level:
         assert state.track is not None
-        if params.field_n is None and state.track.duration_s > 20.0:
+        if params.field_n is None and state.track.duration_s > 20.0:  # of a way
             findings.append(_PLACE_MISSING)
         if aided is not None and aided.chosen:
             findings += aided.objections
@@ -168,7 +168,7 @@ def _find_near_metal(
         spread = (calibration.noise or 0.0) / calibration.magnitude
         here = cells.find_cells(np.median(field, axis=0)[None])[0]
         unsure = float(coverage.field_sd[here]) / calibration.magnitude
-        if abs(off) < max(0.05, 4 * spread, 4 * unsure):
+        if abs(off) < max(0.05, 4 * spread, 4 * unsure):  # of the field
             return
     word = "stronger" if off > 0 else "weaker"
     yield Finding(
@@ -183,7 +183,7 @@ def _find_near_metal(
 def find_held_out(state: LiveState) -> Iterator[Finding]:
     """Much was kept out, and what is near may as well be what was taken for the rest."""
     share = state.held / max(state.n, 1)
-    if share < 0.3:
+    if share < 0.3:  # of the readings
         return
     what = f"{100 * share:.0f} % of the readings do not fit the others: the field was not the same"
     turns = "move away from steel, magnets and currents and start again"
@@ -195,7 +195,7 @@ def _find_scatter(calibration: Affine) -> Iterator[Finding]:
     assert calibration.magnitude is not None
     share = (calibration.noise or 0.0) * float(np.trace(calibration.matrix)) / 3
     share /= calibration.magnitude
-    if share < 0.02:
+    if share < 0.02:  # of the field, by single readings
         return
     yield Finding(
         "disturbed",
@@ -214,7 +214,7 @@ def _find_off_model(params: LiveParams, calibration: Affine) -> Iterator[Finding
     off = 1 / gain - 1
     assert calibration.covariance is not None
     sd = np.sqrt(calibration.covariance[3:6, 3:6].sum()) / 3 / gain
-    if abs(off) < max(0.15, 4 * sd * (1 + off)):
+    if abs(off) < max(0.15, 4 * sd * (1 + off)):  # of the world model's magnitude
         return
     word = "above" if off > 0 else "below"
     yield Finding(

@@ -88,7 +88,7 @@ def find_down(track: Track | None) -> tuple[Array, Array] | None:
 def see_level(track: Track | None, calibration: Affine) -> Level | None:
     """The headings and tilts on a track; `None` where the sensor was turned over, or may be yet."""
     found = find_down(track)
-    if found is None or track is None or track.duration_s < 8.0:
+    if found is None or track is None or track.duration_s < 8.0:  # it may be turned over
         return None
     rows = track.sums[:, 1:] / track.sums[:, :1]
     (mean, down), to_body = found, make_level_axes(found[0]).T

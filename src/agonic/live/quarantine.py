@@ -49,7 +49,7 @@ def compute_deviations(judge: Found | None, blocks: Array) -> Array:
     noise = judge.noise * float(np.trace(judge.matrix)) / 3
     room = np.median(np.hypot(FIT_SDS * sd, NOISE_SDS * noise).reshape(blocks.shape[:2]), axis=1)
     middle = np.median(off.reshape(blocks.shape[:2]), axis=1)
-    return np.where(np.abs(middle) > np.maximum(0.015, room), middle, 0.0)
+    return np.where(np.abs(middle) > np.maximum(0.015, room), middle, 0.0)  # of the field
 
 
 def judge_blocks(

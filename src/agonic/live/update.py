@@ -93,7 +93,7 @@ def _take(params: LiveParams, state: LiveState, rows: Array) -> LiveState:
         state,
         n=state.n + len(rows),
         repeats=_count_repeats(state, rows[:, 1:]),
-        recent=np.concatenate([state.recent, rows])[-25:],
+        recent=np.concatenate([state.recent, rows])[-25:],  # the present
         voxels=boxes,
         kept=np.concatenate([state.kept, made.let_in[memorable]]),
         waiting=np.concatenate([made.waiting, partly]),
@@ -117,7 +117,7 @@ def _put_in_boxes(boxes: Voxels | None, rows: Array, every: int) -> tuple[Voxels
 
 def _fit(params: LiveParams, n: int, boxes: Voxels | None, judge: Found | None) -> Found | None:
     """The fit to boxes, from the judge on."""
-    if boxes is None or len(boxes.keys) < 5:
+    if boxes is None or len(boxes.keys) < 5:  # no sphere goes through so few
         return None
     stray = find_stray(boxes.middles, boxes.counts)
     left_out = int(boxes.counts[stray].sum())

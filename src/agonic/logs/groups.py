@@ -184,6 +184,7 @@ def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | 
     if not known.any():
         return None
     time = other.time[known] + shift
-    if np.mean(measure_reach(time, samples.time) > find_reach(name, time)) > 0.01:
+    in_a_hole = measure_reach(time, samples.time) > find_reach(name, time)
+    if np.mean(in_a_hole) > 0.01:  # of the readings
         return None
     return resample(time, values[known], samples.time, period=PERIODS_DEG.get(name))

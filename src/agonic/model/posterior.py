@@ -281,9 +281,8 @@ def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
         if row is not None:
             one = one._replace(row=row, size=float(np.sqrt(np.trace(sized.square))))
         shares.append(one)
-    part = _weigh_absent(
-        at.level.spread(noise), [one for i, one in enumerate(shares) if i not in there]
-    )
+    unseen = [one for i, one in enumerate(shares) if i not in there]
+    part = _weigh_absent(at.level.spread(noise), unseen)
     shares = [one if i in there else one.reduce(part) for i, one in enumerate(shares)]
     return Way(shift, noise + part * absent, noise, shares)
 
@@ -296,8 +295,7 @@ def _weigh_absent(variance: float, shares: Sequence[Share]) -> float:
     if not 0.0 < added.sum() < np.inf:
         return 1.0
     more = np.sqrt(chance**2 * variance + chance * added) - chance * np.sqrt(variance)
-    whole = (np.sqrt(variance) + more.sum()) ** 2
-    return min(float((whole - variance) / added.sum()), 1.0)
+    return min(float(((np.sqrt(variance) + more.sum()) ** 2 - variance) / added.sum()), 1.0)
 
 
 def _explain_all(at: Scene) -> Way:

@@ -226,7 +226,7 @@ def _find_swapped_axes(group: Peers, tested: Sequence[Tested], rate: float) -> I
         if _changes_pattern(turn, centre, spread) and _is_regular(
             own, error, group.quantities, tails
         ):
-            ways = int(np.count_nonzero(log > log[best] - np.log(20.0)))
+            ways = int(np.count_nonzero(log > log[best] - np.log(20.0)))  # 20 to 1
             said, times = _describe_swap(turn, ways), float(np.log(evidence[k]))
             yield _make_outlier(group, member, "axes", said, times, float(1.0 / evidence[k]))
 
@@ -235,7 +235,7 @@ def _changes_pattern(turn: Array, centre: Array, spread: Array) -> bool:
     """Whether the swap changes what the population has in common by more than it spreads."""
     scale = np.hypot(spread, np.abs(swap_axes(spread, turn)))
     z = (swap_axes(centre, turn) - centre) / scale
-    return bool(np.linalg.norm(z[np.isfinite(z)]) > 5.0)
+    return bool(np.linalg.norm(z[np.isfinite(z)]) > 5.0)  # spreads
 
 
 def _is_regular(
@@ -246,7 +246,7 @@ def _is_regular(
         part, usual = slice(3 * k, 3 * k + 3), quantities[name]
         one = replace(usual, values=own[None, part], sd=error[None, part])
         far = one.distance
-        if name in tails and np.isfinite(far[0]) and tails[name].beyond(far)[0] < 1e-3:
+        if name in tails and np.isfinite(far[0]) and tails[name].beyond(far)[0] < 1e-3:  # by chance
             return False
     return True
 

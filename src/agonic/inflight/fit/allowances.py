@@ -234,6 +234,5 @@ def measure_short_error(estimate: Estimate) -> float:
         limit = SHORT_S if error.geometry == OF_SENSOR else SHORTEST_S
         variance += error.variance * (error.time_s < limit)
     sd = float(np.sqrt(variance))
-    # of the field: more than crust and polar currents leave along the field but seldom
-    # of the standard deviation of a residual
-    return sd if sd > max(1e-3, 0.25 * estimate.noise["magnitude"].sd) else 0.0
+    seldom = 1e-3  # of the field: crust and polar currents hardly leave more along it
+    return sd if sd > max(seldom, 0.25 * estimate.noise["magnitude"].sd) else 0.0

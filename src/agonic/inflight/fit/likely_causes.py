@@ -244,7 +244,7 @@ def judge_ground_axes(fit: InflightFit, problem: Problem, samples: Samples) -> I
 
 def _is_far(fit: InflightFit, problem: Problem) -> bool:
     """Whether the bias moved since the ground by more than hardware hardly makes."""
-    return bool(np.linalg.norm(fit.change.bias) >= 0.25 * problem.magnitude)
+    return bool(np.linalg.norm(fit.change.bias) >= 0.25 * problem.magnitude)  # hardware hardly does
 
 
 def _find_nearest(problem: Problem, samples: Samples) -> tuple[str, float, float]:
@@ -265,7 +265,7 @@ def _find_nearest(problem: Problem, samples: Samples) -> tuple[str, float, float
         solution = np.linalg.lstsq(design, known, rcond=None)[0]
         size = float(np.linalg.norm(solution[:3])) * problem.magnitude
         tried.append((size, robust_scale(known - design @ solution, 4), turn))
-    limit = 1.1 * min(left for _, left, _ in tried)
+    limit = 1.1 * min(left for _, left, _ in tried)  # up to which others do as well
     moved, _, turn = min((one for one in tried if one[1] <= limit), key=lambda one: one[0])
     words = "" if np.array_equal(turn, np.eye(3)) else describe_renaming(turn)
     return words, moved, tried[0][0]

@@ -174,7 +174,7 @@ def _measure_jump(state: TrackerState) -> TrackerState:
         return state
     before, now = state.recent.before, state.estimate
     size = (state.magnitude or 0.0) / float(np.mean(now.matrix[:3]))
-    if not np.sqrt(np.diag(now.covariance)[3:6].max()) < 0.01 * size:
+    if not np.sqrt(np.diag(now.covariance)[3:6].max()) < 0.01 * size:  # of the field
         return state
     shift = now.bias - before.bias
     variance = [np.diag(one.covariance)[3:6] for one in (before, now)]
@@ -217,7 +217,7 @@ def _release(state: TrackerState, opening: Opening) -> TrackerState:
     gain = float(np.mean(found.matrix[:3]))
     size = float(np.sqrt((found.field**2).sum())) / gain
     sd = float(np.sqrt(np.diag(found.covariance)[3:6].max()))
-    if not sd < 0.02 * size:
+    if not sd < 0.02 * size:  # then the rest is estimated too
         return state
     covariance = opening.prior.covariance
     away = _measure_matrix_sd(state, covariance)

@@ -73,7 +73,7 @@ def find_memory(
     if total**2 < 1e-14 * prior.covariance.diagonal()[1:].max():
         return None
     step, gain = float(np.median(np.diff(rows[:, 0]))), float(np.mean(about[4:7]))
-    rows = rows[-2048:]
+    rows = rows[-2048:]  # the latest show it
     plain = model._replace(gate=np.inf)
     tried = [
         plain._replace(
@@ -82,9 +82,8 @@ def find_memory(
             external_time_s=time * step,
         )
         for time in (1.5, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)
-        # of longer ones nothing is seen
-        if time * 4 < len(rows)
-        for share in (0.15, 0.5, 0.8, 0.97)
+        if time * 4 < len(rows)  # of longer ones nothing is seen
+        for share in (0.15, 0.5, 0.8, 0.97)  # of the variance that lasts
     ]
     models, rows, m = [plain, *tried], rows[rows[:, 5] > 0], len(prior.diagonal)
     noise = np.array([one.noise for one in models])
@@ -99,7 +98,7 @@ def find_memory(
     without, *values = compute_likelihoods(
         prior, models, rows[:, 0], residual, h, steep[:, None] * noise
     )
-    return tried[int(np.argmax(values))] if max(values) > without + 10.0 else None
+    return tried[int(np.argmax(values))] if max(values) > without + 10.0 else None  # log-likelihood
 
 
 _SAME = 1.0  # standard error: ways that come so near each other end in one place

@@ -161,12 +161,16 @@ def _moment(text: str, order: str | None) -> datetime | None:
     from agonic.logs.clocks.dates import write_iso
 
     plain = text.strip().strip("\"'").replace("/", "-")
-    for again in (False, True):  # most texts are in order as they are
-        written = (write_iso(plain, order) or "") if again else plain
-        for dated in (written, f"0001-01-01 {written}"):
-            with suppress(ValueError, OverflowError):
-                found = datetime.fromisoformat(dated)
-                return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
+    if (found := _of_iso(plain)) is None and (iso := write_iso(plain, order)) is not None:
+        found = _of_iso(iso)
+    return found
+
+
+def _of_iso(text: str) -> datetime | None:
+    for dated in (text, f"0001-01-01 {text}"):
+        with suppress(ValueError, OverflowError):
+            moment = datetime.fromisoformat(dated)
+            return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     return None
 
 

@@ -57,8 +57,10 @@ def _are_times_of_day(numbers: Array, *, leaps: bool) -> bool:
     for some in (known[:: len(known) // 1000 + 1], known):  # most that are none show it at once
         if (some % 100 >= 60.0).any() or (some // 100 % 100 >= 60).any():
             return False
-    if not leaps or (known >= 240_000).any():
-        return not (known >= 240_000).any()
+    if (known >= 240_000).any():
+        return False
+    if not leaps:
+        return True
     ends = np.diff(known // 100) > 0
     leap, step = np.diff(known), np.diff(_of_day_s(known))
     usual = median(np.abs(step))

@@ -222,18 +222,9 @@ def suggest_names(headers: Iterable[str]) -> str:
     """The option that would name the columns of a magnetometer, guessed from the headers."""
     known = [header for header in headers if len(header) <= LONGEST]
     free = [header for header in known if identify_column(header) is None]
-    time = next(
-        (
-            h
-            for h in known
-            if _quantity(h) == "time" or re.search(r"(?i)time|clock|stamp|sec|ms$", h)
-        ),
-        None,
-    )
-    tails = [(header, _UNIT_BEHIND.search(header)) for header in free]
-    units = {h: identify_column(f"mag_x [{tail[1].strip()}]") for h, tail in tails if tail}
-    free = [h for h in free if h not in units or ((c := units[h]) and c.unit)]  # that a field has
-    free.sort(key=lambda h: h[:1].lower() not in "mbh")
+    like = re.compile(r"time|clock|stamp|sec|ms$", re.IGNORECASE)
+    time = next((h for h in known if _quantity(h) == "time" or like.search(h)), None)
+    free = sorted((h for h in free if _may_be_field(h)), key=lambda h: h[:1].lower() not in "mbh")
     triples = (  # headers that differ in one letter
         [header[:at] + other + header[at + 1 :] for other in letters]
         for header in free
@@ -245,3 +236,10 @@ def suggest_names(headers: Iterable[str]) -> str:
     parts = [f"time={time}"] * (time is not None) + [f"x={x}", f"y={y}", f"z={z}"]
     columns = ",".join(parts)
     return f"--columns {repr(columns) if ' ' in columns else columns} --unit uT"
+
+
+def _may_be_field(header: str) -> bool:
+    """Whether the unit of a header, if it has one in brackets, can be that of a field."""
+    tail = _UNIT_BEHIND.search(header)
+    written = identify_column(f"mag_x [{tail[1].strip()}]") if tail else None
+    return tail is None or (written is not None and written.unit is not None)

@@ -156,7 +156,7 @@ def read_columns(
         notes.extend(remarks)
         if heads and values is not None and readings.any():
             known = np.isfinite(values[readings])
-            if not known.all() and known.sum() < 10:
+            if not known.all() and known.sum() < 10:  # too few to tell
                 name = next(iter(group.values())).quantity.name
                 notes.append(f"{name} left out: hardly any row has one")
                 values = None

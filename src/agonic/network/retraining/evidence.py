@@ -66,10 +66,10 @@ def _judge_drift(state: RetrainerState) -> Iterator[Finding]:
     slope = pace @ means / (pace @ pace)
     rest = means - means.mean(axis=0) - np.outer(pace, slope)
     sd = np.sqrt((rest**2).sum(axis=0) / (BATCHES - 2) / (pace @ pace))
-    limit = float(stdtrit(BATCHES - 2, 1.0 - 1e-5 / 2))
+    limit = float(stdtrit(BATCHES - 2, 1.0 - 1e-5 / 2))  # seldom by chance
     moved = float(np.abs(slope).max())
     scatter = robust_scale((left - np.repeat(means, list(map(len, parts)), axis=0)).ravel())
-    if not (np.abs(slope) > limit * sd).any() or moved < 2.0 * scatter:
+    if not (np.abs(slope) > limit * sd).any() or moved < 2.0 * scatter:  # of a reading
         return
     yield Finding(
         "residual drifts",
