@@ -225,8 +225,9 @@ def choose_next(process: Process, box: tuple[Array, Array], many: int) -> Array:
     spread = project(process, features.reshape(1, 3 * len(at), -1))[1][0]
     chosen = []
     for _ in range(many):
-        own, across = (_take_blocks(one) for one in (spread, spread @ spread))
-        told = np.linalg.solve(own + process.noise * np.eye(3), across)
+        of_places = spread.reshape(len(at), 3, -1)
+        across = of_places @ of_places.swapaxes(1, 2)  # the blocks on the diagonal of its square
+        told = np.linalg.solve(_take_blocks(spread) + process.noise * np.eye(3), across)
         k = int(np.argmax(np.trace(told, axis1=1, axis2=2)))
         rows = slice(3 * k, 3 * k + 3)
         gain = np.linalg.solve(spread[rows, rows] + process.noise * np.eye(3), spread[rows])
