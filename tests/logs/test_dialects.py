@@ -230,7 +230,68 @@ SAMPLES = {
         None,
         (np.pi / 2, -np.pi / 4, 0),
     ),
+    "InfluxDB line protocol": Sample(
+        "# DML\n"
+        + "".join(
+            f"magnetometer,host=a x=33.{k},y=-6.8,z=64.9 14340555620{k}0000000\n"
+            f"accelerometer,host=a x=0.1,y=-0.2,z=9.7 14340555620{k}0000000\n"
+            f'cpu,host=a usage=12i,name="x y" 14340555620{k}0000000\n'
+            for k in range(5)
+        ),
+        (33, -6.8, 64.9),
+        "raw",
+        (0.1, -0.2, 9.7),
+    ),
+    "Teleplot": Sample(
+        "".join(
+            f">mag_{axis}:1627551892{k}37:{value}§uT|g\n>state:{k}|t\n"
+            for k in range(5)
+            for axis, value in (("x", f"33.{k}"), ("y", "-6.8"), ("z", "64.9"))
+        ),
+        (33000, -6800, 64900),
+        "nT",
+    ),
+    "ESPHome log": Sample(
+        "".join(
+            f"[08:15:0{k}][D][sensor:094]: 'HMC5883L Field Strength {axis}': Sending state {value}"
+            " µT with 1 decimals of accuracy\n"
+            for k in range(5)
+            for axis, value in (("X", f"33.{k}0000"), ("Y", "-6.80000"), ("Z", "64.90000"))
+        ),
+        (33000, -6800, 64900),
+        "nT",
+    ),
+    "JSON in lines": Sample(
+        "".join(
+            f'2026-03-05T08:15:0{k}Z boat/mag {{"mag_x_uT": 33.{k}, "mag_y_uT": -6.8, '
+            '"mag_z_uT": 64.9, "acc_m_s2": [0.1, -0.2, 9.7]}\n'
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+        (0.1, -0.2, 9.7),
+    ),
+    "LEMI-424": Sample(
+        "".join(
+            f"2020 09 20 00 00 0{k} 3300{k}.000 -6800.000 64900.000 20.36 25.03 106.980 96.331 "
+            "182.000 224.213 12.91 2199.0 3404.83911 N 10712.84475 W 12 2 0\n"
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+    ),
+    "LEMI-025": Sample(
+        "".join(
+            f"2020 09 20 00 00 00.{k} 3300{k}.000 -6800.000 64900.000 20.36 25.03 12.1 {k}\n"
+            for k in range(5)
+        ),
+        (33000, -6800, 64900),
+        "nT",
+    ),
 }
+
+
+READ = [one for one in list_dialects() if not one.refused]
 
 
 def write(folder: Path, text: str) -> Path:
@@ -241,7 +302,7 @@ def write(folder: Path, text: str) -> Path:
 
 def test_every_dialect_has_a_sample_and_a_source() -> None:
     renaming = [convention for convention in list_conventions() if convention.columns]
-    assert {one.name for one in (*list_dialects(), *renaming)} <= SAMPLES.keys()
+    assert {one.name for one in (*READ, *renaming)} <= SAMPLES.keys()
     assert all(one.source for one in (*list_dialects(), *list_conventions()))
 
 
@@ -259,7 +320,7 @@ def test_a_sample_is_read_in_the_documented_units(tmp_path: Path, name: str) -> 
             assert values[0] == pytest.approx(wanted, abs=1e-6), column
 
 
-@pytest.mark.parametrize("name", [one.name for one in list_dialects()])
+@pytest.mark.parametrize("name", [one.name for one in READ])
 def test_a_unit_that_is_given_fills_in_none_that_is_documented(tmp_path: Path, name: str) -> None:
     sample = SAMPLES[name]
     samples = ag.read(write(tmp_path, sample.text), unit="mG")
@@ -342,3 +403,103 @@ def test_a_name_of_many_letters_is_refused_at_once(tmp_path: Path) -> None:
     path = write(tmp_path, "x" * 300_000 + ",b,c,d\n1,2,3,4\n2,3,4,5\n")
     with pytest.raises(ag.LogError, match="no magnetometer columns found"):
         open_log(path)
+
+
+def test_times_in_rows_that_name_their_cells(tmp_path: Path) -> None:
+    """Nanoseconds of InfluxDB, milliseconds of Teleplot, the moment before JSON."""
+    read = {name: ag.read(write(tmp_path, SAMPLES[name].text)) for name in SAMPLES}
+    assert read["InfluxDB line protocol"].epoch.year == 2015
+    assert np.diff(read["InfluxDB line protocol"].time) == pytest.approx([0.01] * 4, abs=1e-6)
+    assert np.diff(read["Teleplot"].time) == pytest.approx([0.1] * 4, abs=1e-6)
+    assert read["JSON in lines"].time.tolist() == [0, 1, 2, 3, 4]
+    assert read["LEMI-424"].temperature[0] == 25.03
+    assert read["LEMI-025"].temperature[0] == 20.36
+    assert np.diff(read["LEMI-025"].time) == pytest.approx([0.1] * 4, abs=1e-6)
+
+
+def test_series_of_two_hosts_are_two_sensors(tmp_path: Path) -> None:
+    text = "".join(
+        f"mag,host={host} x={x},y=2,z=3{k} 143405556200000000{k}\n"
+        for k in range(5)
+        for host, x in (("a", 1), ("b", 7))
+    )
+    log = open_log(write(tmp_path, text))
+    assert [(one.name, one.field[0, 0]) for one in log.sensors] == [
+        ("mag,host=a", 1),
+        ("mag,host=b", 7),
+    ]
+
+
+def test_channels_of_teleplot_without_times_or_with_several(tmp_path: Path) -> None:
+    axes = [("x", 33), ("y", -7), ("z", 65)]
+    plain = "".join(f">mag_{a}:{v + k}\n" for k in range(5) for a, v in axes)
+    samples = ag.read(write(tmp_path, plain))
+    assert samples.time is None
+    assert samples.field[1].tolist() == [34, -6, 66]
+    packed = "".join(f">mag_{a}:1000:{v};1010:{v + 1};1020:{v + 2}\n" for a, v in axes)
+    samples = ag.read(write(tmp_path, packed))
+    assert samples.time == pytest.approx([1.0, 1.01, 1.02])
+    assert samples.field[2].tolist() == [35, -5, 67]
+
+
+def test_a_log_of_a_can_bus_is_refused_by_its_name(tmp_path: Path) -> None:
+    text = "".join(f"(1436509052.{k}49713) can0 1F5#00C8FFEC01AE0000\n" for k in range(5))
+    with pytest.raises(ag.LogError, match=r"a log of a CAN bus.*DBC file"):
+        open_log(write(tmp_path, text))
+
+
+def test_what_influxdb_exports_holds_a_channel_a_row(tmp_path: Path) -> None:
+    text = "#datatype,string,long,dateTime:RFC3339,double,string,string\n#default,_result,,,,,\n"
+    text += ",result,table,_time,_value,_field,_measurement\n"
+    for number, axis in enumerate("xyz"):
+        text += "".join(
+            f",,{number},2024-05-01T00:00:0{k}Z,{30 + number + k},mag_{axis}_uT,imu\n"
+            for k in range(5)
+        )
+    samples = ag.read(write(tmp_path, text))
+    assert samples.field[1].tolist() == [31e3, 32e3, 33e3]
+    assert samples.time.tolist() == [0, 1, 2, 3, 4]
+
+
+LABVIEW = """LabVIEW Measurement\t
+X_Columns\t{columns}
+***End_of_Header***\t
+\t
+Channels\t3
+Y_Unit_Label\tuT\tuT\tuT
+X_Dimension\tTime\tTime\tTime
+Delta_X\t0.010000\t0.010000\t0.010000
+***End_of_Header***\t\t\t
+X_Value\tBx\tBy\tBz\tComment
+"""
+
+
+@pytest.mark.parametrize("columns", ["One", "No"])
+def test_labview_tells_units_and_times_in_its_header(tmp_path: Path, columns: str) -> None:
+    rows = "".join(
+        f"{f'{0.01 * k:.2f}' if columns == 'One' else ''}\t33.{k}\t-6.8\t64.9\n" for k in range(5)
+    )
+    samples = ag.read(write(tmp_path, LABVIEW.format(columns=columns) + rows))
+    assert samples.unit == "nT"
+    assert samples.field[0] == pytest.approx([33000, -6800, 64900])
+    assert samples.time == pytest.approx([0, 0.01, 0.02, 0.03, 0.04])
+
+
+def test_toa5_of_campbell(tmp_path: Path) -> None:
+    """Its fourth line says how the logger took each column, and counts as no row."""
+    text = (
+        '"TOA5","CR1000","CR1000","12345","CR1000.Std.32","CPU:mag.CR1","4321","Mag"\n'
+        '"TIMESTAMP","RECORD","Bx","By","Bz","PTemp"\n"TS","RN","nT","nT","nT","Deg C"\n'
+        '"","","Smp","Smp","Smp","Smp"\n'
+    ) + "".join(f'"2024-05-01 00:00:0{k}",{k},3300{k},-6800,64900,21.{k}\n' for k in range(5))
+    samples = ag.read(write(tmp_path, text))
+    assert (len(samples), sum(samples.rejected.values())) == (5, 0)
+    assert samples.unit == "nT"
+    assert samples.temperature.tolist() == [21, 21.1, 21.2, 21.3, 21.4]
+
+
+def test_frames_of_serial_studio(tmp_path: Path) -> None:
+    text = "".join(f"/*{0.5 * k},33.{k},-6.8,64.9*/\n" for k in range(30))
+    samples = ag.read(write(tmp_path, text))
+    assert samples.field[0].tolist() == [33, -6.8, 64.9]
+    assert np.diff(samples.time).tolist() == [0.5] * 29

@@ -1,6 +1,7 @@
 """A kind of file is a line in `formats`, a reader and a word in the docs; a table costs little."""
 
 import json
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -43,7 +44,8 @@ def test_reading_a_table_imports_neither_scipy_nor_a_writer_nor_another_reader(t
 @pytest.mark.parametrize("kind", [*FORMATS, TEXT], ids=lambda kind: kind.module)
 def test_a_kind_of_file_has_a_reader_and_is_in_the_docs(kind: Format):
     assert find_spec(f"agonic.logs.{kind.module}") is not None, "the module is missing"
-    assert callable(kind.reader.read), "the module needs read(path, source, unit) -> Log"
+    reads = hasattr(kind.reader, "read_tables") or hasattr(kind.reader, "read")
+    assert reads, "the module needs read_tables(path) -> Found, or read(path, source, unit) -> Log"
     name = kind.name.split(" (")[0]
     assert name in (ROOT / DOC).read_text(), f"{DOC} does not mention {name}"
 
@@ -54,6 +56,10 @@ def test_no_reader_is_without_its_line():
     modules = {
         ".".join(path.relative_to(folder).with_suffix("").parts)
         for path in folder.rglob("*.py")
-        if "\ndef read(path: Path, source: Input" in path.read_text()
+        if re.search(
+            r"^def read(_tables\(path: Path\) -> Found|\(path: Path, source)",
+            path.read_text(),
+            re.M,
+        )
     }
     assert modules == named, "a reader without a line in logs/formats.py, or the reverse"

@@ -201,11 +201,13 @@ def test_messages_that_ros_prints(tmp_path, second, part):
 
 def test_what_is_missing_is_said_with_what_to_type(tmp_path):
     parts = ([2026] * N, ["05"] * N, ["03"] * N, ["08"] * N, [15] * N, SECONDS)
-    path = write(tmp_path, "", *parts, FIELD, separator=" ", name="lemi.t00")
+    path = write(tmp_path, "", *parts, FIELD, ZERO, separator=" ", name="lemi.t00")
     names = "year=1,month=2,day=3,hour=4,minute=5,second=6,x=7,y=8,z=9"
     with pytest.raises(LogError, match=f"--columns {names} --unit uT"):
         read(path)
     check(read(path, columns=names, unit="uT"))
+    path = write(tmp_path, "", *parts, FIELD, separator=" ", name="lemi.t00")
+    check(read(path, unit="uT"))
     path = write(tmp_path, "Date,Time,Lat,Lon,Mag", ["2026-05-03"] * N, SECONDS, ZERO, ZERO, ZERO)
     with pytest.raises(LogError, match="'Mag' is a magnitude alone, as a scalar magnetometer"):
         open_log(path)

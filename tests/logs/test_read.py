@@ -96,7 +96,7 @@ def test_a_fault_of_a_parser_becomes_one_line(two, monkeypatch):
     def fail(*_):
         raise ZeroDivisionError("deep\n  inside")
 
-    monkeypatch.setattr(csv_text, "read", fail)
+    monkeypatch.setattr(csv_text, "read_tables", fail)
     with pytest.raises(LogError, match=r"damaged.*ZeroDivisionError: deep inside"):
         open_log(two)
 

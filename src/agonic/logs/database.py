@@ -18,17 +18,15 @@ from numpy.typing import NDArray
 from agonic.errors import LogError
 from agonic.logs.child_process import LONGEST_S
 from agonic.logs.contents import MOST_BYTES
-from agonic.logs.groups import build_groups_log, name_axes
+from agonic.logs.groups import Found
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, identify_columns, refuse_many
-from agonic.logs.log import Facts, Log, Table
-from agonic.logs.text.json_text import TEXTUAL, to_column
-from agonic.logs.text.long_table import build_tables_log
-from agonic.provenance import Input
+from agonic.logs.log import About, Table
+from agonic.logs.text.records import TEXTUAL, to_column
 
 
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a database is; `unit` is that of the field where no column names one."""
+def read_tables(path: Path) -> Found:
+    """The columns of the tables of a database that are understood."""
     try:
         with _open(path) as database:
             tables, others = _read_tables(database)
@@ -38,13 +36,12 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     waiting = Path(f"{path}-wal")
     notes = (f"rows that lie in {waiting.name} alone were not read",) * waiting.is_file()
     known = {name: table for name, table in tables.items() if identify_columns(table)}
-    facts = Facts(path=path, source=source, format="SQLite database", unit=unit, others=others)
-    facts["notes"] = (*(f"from its table {name!r}" for name in known if len(known) == 1), *notes)
+    about: About = {"format": "SQLite database", "others": others, "notes": notes}
     if len(known) == 1:
-        (table,) = known.values()
-        return build_tables_log(table, **facts)
-    named = {name: name_axes(table, name, alone=False) for name, table in known.items()}
-    return build_groups_log(named, {name: Path(name) for name in named}, **facts)
+        ((name, table),) = known.items()
+        about["notes"] = (f"from its table {name!r}", *notes)
+        known = {"": table}
+    return Found(known, about)
 
 
 @contextmanager

@@ -13,8 +13,8 @@ from zipfile import BadZipFile, ZipFile
 
 from agonic.errors import LogError
 from agonic.logs.contents import MOST_PARTS, check_declared
-from agonic.logs.formats import FOLDER, JSON, KINDS, MATLAB, TEXT, format_of, read_head
-from agonic.logs.groups import INERTIAL, build_groups_log, name_axes
+from agonic.logs.formats import FOLDER, KINDS, format_of, read_head
+from agonic.logs.groups import INERTIAL, build_groups_log, name_axes, read_file
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.log import Log, Table
 from agonic.provenance import Input
@@ -35,7 +35,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         kind = format_of(read_head(files[0]))
         if kind == FOLDER:
             raise LogError(f"an archive within an archive ({files[0].name}); unpack it")
-        log: Log = kind.reader.read(files[0], source, *(() if kind.unit_fixed else (unit,)))
+        log = read_file(kind, files[0], source, unit)
         return replace(log, path=path, notes=(f"from {files[0].name} in the archive", *log.notes))
 
 
@@ -49,10 +49,13 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     notes: list[str] = []
     for file in files:
         try:
-            for number, table in enumerate(_read_tables(file)):
+            kind = format_of(read_head(file))
+            if not hasattr(kind.reader, "read_tables"):
+                raise LogError(f"{kind.name} are recordings of their own")
+            for part, table in kind.reader.read_tables(file).tables.items():
                 named = name_axes(table, file.stem, alone=len(files) == 1)
                 if identify_columns(named):
-                    tables[f"{file.stem} {number + 1}" if number else file.stem] = named
+                    tables[f"{file.stem} {part}".rstrip()] = named
         except LogError as error:
             notes.append(f"{file.name} was not read: {error}")
     found = {name: identify_columns(table) for name, table in tables.items()}
@@ -82,17 +85,6 @@ def _say_several(files: list[Path], path: Path) -> str:
 def _list_files(files: Iterable[Path]) -> str:
     names = [file.name for file in files]
     return ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
-
-
-def _read_tables(file: Path) -> list[Table]:
-    """The columns that are understood in a file, a table for each clock."""
-    kind = format_of(read_head(file))
-    if kind in (TEXT, JSON):
-        return [kind.reader.read_table(file)[0]]
-    if kind == MATLAB:
-        tables: list[Table] = kind.reader.read_tables(file)
-        return tables
-    raise LogError(f"{kind.name} are recordings of their own")
 
 
 def _unpack(path: Path, folder: Path) -> None:

@@ -55,9 +55,9 @@ def read_head(file: Path) -> bytes:
 
 class Format(NamedTuple):
     """A kind of file: what it is called, the module that reads it, and how its start is known. The
-    module has `read(path, source, unit) -> Log`, or `read(path, source)` where the format fixes the
-    unit of the field (`unit_fixed`). Where `mark` only says that the start may be of this kind, the
-    module has `accepts(head)` too."""
+    module has `read_tables(path) -> Found`, or `read(path, source, unit) -> Log`, without the unit
+    where the format fixes that of the field (`unit_fixed`). Where `mark` only says that the start
+    may be of this kind, the module has `accepts(head)` too."""
 
     name: str
     module: str

@@ -8,21 +8,28 @@ have no row of the other table near them, it is left out, and a note says so.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from os.path import commonprefix  # of any texts
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.headers.columns import apply_conventions, find_named_quantity, identify_columns
+from agonic.logs.contents import MOST_PARTS
+from agonic.logs.formats import Format
+from agonic.logs.headers.columns import (
+    apply_conventions,
+    find_named_quantity,
+    find_quantities,
+    identify_columns,
+)
 from agonic.logs.headers.header import identify_column
 from agonic.logs.headers.quantities import BY_COLUMN, FALLBACK
-from agonic.logs.log import Facts, Log, Stream, Table
+from agonic.logs.log import About, Facts, Log, Stream, Table
 from agonic.logs.rows.auxiliary import (
     PERIODS_DEG,
     find_reach,
@@ -188,3 +195,95 @@ def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | 
     if np.mean(in_a_hole) > 0.01:  # of the readings
         return None
     return resample(time, values[known], samples.time, period=PERIODS_DEG.get(name))
+
+
+class Found(NamedTuple):
+    """What a file holds: its tables by their names, one alone under "", what to say of it, and how
+    the readings of a table had been corrected before they were written. Where `parts` are of one
+    log, a lone magnetometer is not called as its table is."""
+
+    tables: Mapping[str, Table]
+    about: About
+    corrected: Mapping[str, str] = {}
+    parts: bool = False
+
+
+def read_file(kind: Format, path: Path, source: Input, unit: str | None) -> Log:
+    """The log that a file of a kind is."""
+    if hasattr(kind.reader, "read"):
+        log: Log = kind.reader.read(path, source, *(() if kind.unit_fixed else (unit,)))
+        return log
+    return build_tables_log(kind.reader.read_tables(path), path, source, unit)
+
+
+def build_tables_log(found: Found, path: Path, source: Input, unit: str | None = None) -> Log:
+    """The log that the tables of a file are; that of one alone, its sensors apart where it is a
+    long one. `unit` is that of the field where no header names one."""
+    facts = Facts(path=path, source=source, unit=unit, **found.about)
+    if "" not in found.tables:
+        alone = len(found.tables) == 1
+        tables = {name: name_axes(t, name, alone=alone) for name, t in found.tables.items()}
+        paths = {name: Path(name) for name in tables}
+        fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
+        if found.parts and len(fields) == 1:
+            tables[""], paths[""] = tables.pop(fields[0]), Path(fields[0])
+        log = build_groups_log(tables, paths, **facts)
+    elif (parts := split_by_sensor(table := found.tables[""])) is not None:
+        log = build_groups_log(parts, {name: Path(name) for name in parts}, **facts)
+    else:
+        log = build_log(table, **facts)
+    if not found.corrected:
+        return log
+    sensors = []
+    for one in log.sensors:
+        name = "" if "" in found.tables else one.name.partition(" ")[0]
+        how = found.corrected.get(name, "")
+        marked = one.with_columns(corrected=True, notes=(*one.notes, how))
+        sensors.append(marked if how else one)
+    return replace(log, sensors=tuple(sensors))
+
+
+def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The headers, with "sensor" for a column whose cells name a magnetometer and another sensor,
+    whatever it is called: rows of both must not become one sensor's."""
+    names = list(headers)
+    if "sensor" in find_quantities(names).values():
+        return names
+    for at, name in enumerate(names):
+        if identify_column(name) is not None:
+            continue
+        cells = {row[at].strip() for row in rows if at < len(row)}
+        if len(cells) > MOST_PARTS or not any(cell[:1].isalpha() for cell in cells):
+            continue
+        named = {find_named_quantity(cell) for cell in cells if cell}
+        if "field" in named and named & INERTIAL.keys():
+            return [*names[:at], "sensor", *names[at + 1 :]]
+    return names
+
+
+def split_by_sensor(table: Table) -> dict[str, Table] | None:
+    """The tables of the sensors that a long one holds; `None` where it is none. Rows of something
+    that is neither a magnetometer, an accelerometer nor a gyroscope are left out."""
+    found = identify_columns(table)
+    label = found.get("sensor", {}).get("", {}).get("")
+    bare = found.get("field", {}).get("", {})
+    if label is None or set(bare) != set("xyz"):
+        return None
+    names = np.array([str(name).strip() for name in table[label.header]])
+    quantities = {
+        name: find_named_quantity(name) for name in np.unique(names)[:MOST_PARTS].tolist()
+    }
+    if "field" not in quantities.values() or len(set(quantities.values())) < 2:
+        return None
+    axes = {column.header: axis for axis, column in bare.items()}
+    parts: dict[str, Table] = {}
+    for name, quantity in quantities.items():
+        if quantity not in ("field", *INERTIAL):
+            continue
+        rows = names == name
+        parts[name] = {
+            f"{name} {axes[header]}" if header in axes and quantity != "field" else header: c[rows]
+            for header, c in table.items()
+            if header != label.header
+        }
+    return parts

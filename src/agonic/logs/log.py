@@ -135,18 +135,19 @@ Table = Mapping[str, NDArray[Any]]
 
 
 class About(TypedDict):
-    """What a reader says of a file with tables: `others` are headers that were not read."""
+    """What a reader says of a file with tables: `others` are headers that were not read, `notes`
+    are on the file, `remarks` on each of its magnetometers."""
 
     format: str
     others: NotRequired[Iterable[str]]
     notes: NotRequired[tuple[str, ...]]
+    remarks: NotRequired[tuple[str, ...]]
 
 
 class Facts(About):
     """What is known of a file beside the tables in it: `unit` is that of the field where no header
-    names one, `notes` are on the file, `remarks` on each of its magnetometers."""
+    names one."""
 
     path: Path
     source: Input
     unit: NotRequired[str | None]
-    remarks: NotRequired[tuple[str, ...]]

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.contents import explain_damage
+from agonic.logs.groups import Found
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns
 from agonic.logs.headers.header import name_quantity
-from agonic.logs.log import Log, Table
+from agonic.logs.log import Table
 from agonic.logs.remote import Remote
-from agonic.logs.text.long_table import build_tables_log
-from agonic.provenance import Input
 
 _MARK = b"PAR1"
 _FILE = b"ARROW1\0\0"
@@ -32,14 +31,14 @@ _LARGEST_FOOTER = 16_000_000
 _PLAIN = {"double", "float", *(f"{sign}int{8 << k}" for sign in ("", "u") for k in range(4))}
 
 
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a table is; `unit` is that of the field where no column names one."""
+def read_tables(path: Path) -> Found:
+    """The columns that are understood of a table, and the headers of the others."""
     with path.open("rb") as stream:
         parquet = stream.read(len(_MARK)) == _MARK
     with explain_damage():
         table, others = read_table(path) if parquet else _read_arrow(path)
     kind = "Parquet table" if parquet else "Arrow table"
-    return build_tables_log(table, path=path, source=source, format=kind, unit=unit, others=others)
+    return Found({"": table}, {"format": kind, "others": others})
 
 
 def read_table(path: Path) -> tuple[Table, list[str]]:

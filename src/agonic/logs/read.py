@@ -240,8 +240,7 @@ def _read(
     kind: formats.Format, file: Path, source: Input, unit: str | None, names: ColumnNames | None
 ) -> Log:
     """The log that the reader makes of the file; whatever a parser raises becomes a `LogError`."""
-    given = () if kind.unit_fixed else (unit,)
-    request = kind, file, source, given, names
+    request = kind, file, source, unit, names
     long = kind in (formats.TEXT, formats.JSON) and file.stat().st_size > LONG_TEXT
     # what is packed in some may be of any length: it may take far more memory than is at hand
     huge = long or (kind in (formats.FOLDER, formats.ARROW, formats.WORKBOOK) and file.is_file())
@@ -264,12 +263,13 @@ def _read(
     return replace(log, notes=(*log.notes, note))
 
 
-def _read_here(request: tuple[formats.Format, Path, Input, tuple[str | None, ...], Any]) -> Log:
-    kind, file, source, given, names = request
+def _read_here(request: tuple[formats.Format, Path, Input, str | None, Any]) -> Log:
+    kind, file, source, unit, names = request
     with warnings.catch_warnings(), names_for(file, names):
         warnings.simplefilter("ignore")  # what is odd in a file goes into the notes
-        log: Log = kind.reader.read(file, source, *given)
-    return log
+        from agonic.logs.groups import read_file
+
+        return read_file(kind, file, source, unit)
 
 
 def accepts(path: Path | str) -> bool:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable
-from dataclasses import replace
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,52 +15,44 @@ from python_calamine import CalamineError, CalamineWorkbook, PasswordError
 
 from agonic.errors import LogError
 from agonic.logs.contents import MOST_BYTES, MOST_PARTS
-from agonic.logs.groups import build_groups_log, name_axes
+from agonic.logs.groups import Found
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.headers.header import MOST_COLUMNS
-from agonic.logs.log import Facts, Log, Table
+from agonic.logs.log import About, Table
 from agonic.logs.text import csv_text
-from agonic.provenance import Input, hash_file
+from agonic.provenance import hash_file
 
 
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a workbook is; `unit` is that of the field where no header names one."""
+def read_tables(path: Path) -> Found:
+    """The columns of the sheets of a workbook that are understood; one sheet of several that holds
+    a magnetometer gives its sensor no name."""
+    sheets: dict[str, Table] = {}
+    about: About = {"format": "workbook", "others": [], "notes": ()}
+    said = []
     with TemporaryDirectory(prefix=".agonic-") as made:
         written = _write_sheets(path, Path(made))
-        sheets: dict[str, Table] = {}
-        others: list[str] = []
-        said = []
         for name, file in written.items():
             try:
-                sheets[name], facts = csv_text.read_table(file)
-                others += facts.get("others", ())
+                found = csv_text.read_tables(file)
             except LogError as error:
                 said.append(f"{name}: {error}")
-        found = {name: identify_columns(table) for name, table in sheets.items()}
-        fields = [name for name in found if "field" in found[name]]
-        known = [name for name in found if found[name]]
-        if len(known) == 1 and fields:
-            log = csv_text.read(written[known[0]], source, unit)
-            log = replace(log, path=path, format="workbook")
-        elif not sheets:
-            why = "; ".join(said[:3]) or "all are empty"
-            raise LogError(f"no sheet in it holds a table ({why})")
-        else:
-            tables, paths = _name_tables(sheets)
-            facts = Facts(path=path, source=source, format="workbook", unit=unit, others=others)
-            log = build_groups_log(tables, paths, **facts)
-    several = f"of {len(written)} sheets, {', '.join(map(repr, fields[:5]))} with a magnetometer"
-    return replace(log, notes=(*((several,) if len(written) > 1 else ()), *log.notes))
-
-
-def _name_tables(sheets: dict[str, Table]) -> tuple[dict[Any, Any], dict[str, Path]]:
-    """Several sheets by their names, and those as files; one magnetometer alone has no name."""
-    alone = len(sheets) == 1
-    tables: dict[Any, Any] = {n: name_axes(table, n, alone=alone) for n, table in sheets.items()}
-    fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
-    if len(fields) == 1:
-        tables = {0 if name in fields else name: table for name, table in tables.items()}
-    return tables, {name: Path(name) for name in tables if name} | {"": Path(*fields[:1])}
+                continue
+            sheets |= {f"{name} {part}".rstrip(): table for part, table in found.tables.items()}
+            if not any(map(identify_columns, found.tables.values())):
+                continue
+            about["others"] = [*about["others"], *found.about.get("others", ())]
+            about["notes"] = (*about["notes"], *found.about.get("notes", ()))
+    known = {name: table for name, table in sheets.items() if identify_columns(table)}
+    fields = [name for name, table in known.items() if "field" in identify_columns(table)]
+    if not sheets:
+        why = "; ".join(said[:3]) or "all are empty"
+        raise LogError(f"no sheet in it holds a table ({why})")
+    if len(written) > 1:
+        where = ", ".join(map(repr, fields[:5]))
+        several = f"of {len(written)} sheets, {where} with a magnetometer"
+        about["notes"] = (several, *about["notes"])
+    alone = len(known) == 1 and bool(fields)
+    return Found({"": known[fields[0]]} if alone else sheets, about, parts=True)
 
 
 def _write_sheets(path: Path, folder: Path) -> dict[str, Path]:

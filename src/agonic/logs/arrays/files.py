@@ -21,8 +21,9 @@ from agonic.logs.arrays import stacked
 from agonic.logs.arrays.stacked import build_arrays_log, build_tables
 from agonic.logs.arrays.stored import DEEPEST, read_arrays, read_version_5, read_version_7_3
 from agonic.logs.child_process import call
-from agonic.logs.log import Facts, Log
-from agonic.logs.text.dialects import build_kinds_log, find_group
+from agonic.logs.groups import Found, build_tables_log
+from agonic.logs.log import Log
+from agonic.logs.text.dialects import find_group
 from agonic.provenance import Input
 
 _VERSION_7_3 = b"MATLAB 7.3 MAT-file"
@@ -44,8 +45,9 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         return read_labelled(contents, path, source)
     arrays = _flat(contents)
     if messages := _gather_messages(arrays):
-        facts = Facts(path=path, source=source, format="MAVLink telemetry in MATLAB", unit=unit)
-        return build_kinds_log(messages, find_group("MAVLink"), facts)
+        corrected = {name: kind.corrected for name, kind in find_group("MAVLink").items()}
+        found = Found(messages, {"format": "MAVLink telemetry in MATLAB"}, corrected)
+        return build_tables_log(found, path, source, unit)
     remarks: tuple[str, ...] = ()
     if stacked.is_broad(arrays):
         arrays, remarks = stacked.rename_variables(arrays)
@@ -54,9 +56,11 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
     )
 
 
-def read_tables(path: Path) -> list[dict[str, NDArray[Any]]]:
+def read_tables(path: Path) -> Found:
     """The columns that are understood, a table for each length; a lone matrix as bare axes."""
-    return build_tables(_flat(_read_contents(path)))[0]
+    tables, others = build_tables(_flat(_read_contents(path)))
+    numbered = {str(number) if number > 1 else "": t for number, t in enumerate(tables, start=1)}
+    return Found(numbered, {"format": "MATLAB file", "others": others})
 
 
 def _read_contents(path: Path) -> dict[str, Any]:

@@ -12,11 +12,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
+from agonic.logs.contents import to_number
 from agonic.logs.formats import HEAD_BYTES
 from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.text import layout
@@ -81,6 +83,8 @@ def open_brackets(data: Text, head: Sequence[str]) -> Text:
 _PLAIN = re.compile(r"[-+\d.eE,;\s()\[\]{}<>]+")
 _STAMPED = re.compile(rf"\s*\[?({layout.STAMP})\]?\s*(?:->|>|:|,|\s)\s*(?=[-+.\d])")
 """What terminals write before a line: the moment that it came."""
+_WRAPPINGS = (('"', '"'), ("/*", "*/"))
+"""What stands around lines of a table: taken for single cells, or frames of Serial Studio."""
 _TO_BLANKS = bytes.maketrans(b"()[]{}<>,;", b" " * 10)
 
 
@@ -88,16 +92,15 @@ def level(data: Text, head: Sequence[str]) -> Text:
     """The text with blanks for the brackets and commas of rows of mere numbers: `0 (1, 2, 3)`. Of a
     measurement of LabVIEW the table below its headers."""
     if head[0].startswith(layout.LABVIEW):
-        end = data.rfind(b"***End_of_Header***", 0, HEAD_BYTES)
-        body = data[end:].partition(b"\n")[2]
-        timed = b"X_Dimension\tTime" in data[:HEAD_BYTES]
-        return body.replace(b"X_Value", b"time_s", 1) if timed else body
+        return _read_labview(data)
     _check_groups(head)
     rows = [line for line in head if layout.holds_values(line)][:50]
-    if rows and all(
-        row.count('"') == 2 and row.strip()[:: len(row.strip()) - 1] == '""' for row in rows
-    ):
-        return data[:].replace(b'"', b"")  # a table whose lines were taken for single cells
+    for begins, ends in _WRAPPINGS:
+        if rows and all(
+            row.startswith(begins) and row.rstrip().endswith(ends) and row.count(ends) < 3
+            for row in rows
+        ):
+            return data[:].replace(begins.encode(), b"").replace(ends.encode(), b"")
     if rows and all(map(_STAMPED.match, rows)):
         return _name_stamps(data[:].decode(), rows)
     if not rows or not all(map(_PLAIN.fullmatch, rows)):
@@ -111,6 +114,24 @@ def level(data: Text, head: Sequence[str]) -> Text:
         if any(re.search(r"[(\[{<]", row) for row in rows) or all(mixed)
         else data
     )
+
+
+def _read_labview(data: Text) -> bytes:
+    """The table of a measurement of LabVIEW, with the units that its header tells in its names, and
+    below its rate where it has no times."""
+    end = data.rfind(b"***End_of_Header***", 0, HEAD_BYTES)
+    lines = data[: max(end, 0)].decode("utf-8", "replace").split("\n")
+    stated = {name: cells.split("\t") for name, _, cells in (one.partition("\t") for one in lines)}
+    names, _, rows = data[max(end, 0) :].partition(b"\n")[2].partition(b"\n")
+    time, *channels = names.decode("utf-8", "replace").split("\t")
+    columns, step = stated.get("X_Columns", ["One"])[0], to_number(stated.get("Delta_X", [""])[0])
+    if columns != "Multi":
+        units = stated.get("Y_Unit_Label", [])
+        pairs = zip_longest(channels, units[: len(channels)], fillvalue="")
+        channels = [f"{name} ({unit.strip()})" if unit.strip() else name for name, unit in pairs]
+    time = "time_s" if stated.get("X_Dimension", [""])[0] == "Time" else time
+    rate = f"rate: {1 / step:.12g} Hz\n" if columns == "No" and step > 0 else ""
+    return (rate + "\t".join([time, *channels]) + "\n").encode() + rows
 
 
 def _name_stamps(text: str, rows: Sequence[str]) -> bytes:

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError
+from agonic.logs.groups import Found, name_label
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities
 from agonic.logs.headers.header import identify_column, name_quantity
-from agonic.logs.log import About, Facts, Log
-from agonic.logs.table import build_log
-from agonic.logs.text import brackets, checks, dialects, long_table, numbers
+from agonic.logs.log import About
+from agonic.logs.text import brackets, checks, dialects, numbers
 from agonic.logs.text.encoding import Text, load
 from agonic.logs.text.layout import (
     LABVIEW,
@@ -37,7 +37,6 @@ from agonic.logs.text.layout import (
     is_header,
     sample_lines,
 )
-from agonic.provenance import Input
 
 TableAndFacts = tuple[Table, About]
 """Columns by header, and what to say of the file."""
@@ -77,43 +76,81 @@ class Lines(NamedTuple):
         return self.data[:].decode("utf-8", "replace")
 
 
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a text table is; `unit` is that of the field where no header names one."""
+def read_tables(path: Path) -> Found:
+    """The tables of a text: of the first of the forms that it has."""
     lines = _load(path)
     if lines.head[0].startswith("# MagPy Absolutes"):
         raise LogError(
             "a sheet of absolute measurements with a theodolite, no log of a magnetometer; agonic "
             "fit north reads it"
         )
-    facts = Facts(path=path, source=source, format="source text", unit=unit, notes=lines.notes)
-    assigned = any(map(_ASSIGNED, lines.head[:SAMPLE])) and brackets.read_assigned(lines.data)
-    if assigned:
-        return build_log(assigned, **facts)
-    dialect = dialects.find_dialect(lines.head, lines.rows or lines.head)
-    if dialect is None and _most(lines.rows, _TAGGED.match):
-        dialect = dialects.find_stated_dialect(lines.head)
-    if dialect is not None:
-        facts |= {"format": dialect.name, "notes": (*lines.notes, *dialect.notes)}
-        tables = dialects.read_dialect(dialect, lines.whole)
-        return dialects.build_kinds_log(tables, dialect.kinds, facts)
-    if _most(lines.rows, lambda line: "$" in line[:40] and "," in line):
-        from agonic.logs.text.sentences import read_sentences
-
-        return read_sentences(lines.whole, facts)
-    table, found = _read_lines(lines)
-    facts = {**facts, **found}
-    if long_table.LABEL in find_quantities(table).values():
-        return long_table.build_tables_log(table, **facts)
-    return build_log(table, **facts)
+    forms = (_read_arrays, _read_dialect, _read_sentences, _read_echo, _read_labelled)
+    found = next((found for form in forms if (found := form(lines))), None)
+    found = found or _read_separated(lines)
+    about: About = {**found.about, "notes": (*lines.notes, *found.about.get("notes", ()))}
+    return found._replace(about=about)
 
 
 def read_table(path: Path) -> TableAndFacts:
     """The columns of a text table that are understood, by header, and notes on the file."""
-    lines = _load(path)
-    if dialect := dialects.find_dialect(lines.head, lines.rows):
-        tables = dialects.read_dialect(dialect, lines.whole)
-        return next(iter(tables.values())), {"format": dialect.name, "notes": lines.notes}
-    return _read_lines(lines)
+    found = read_tables(path)
+    return dict(next(iter(found.tables.values()))), found.about
+
+
+def _read_arrays(lines: Lines) -> Found | None:
+    """Arrays of source text."""
+    if not any(map(_ASSIGNED, lines.head[:SAMPLE])):
+        return None
+    table = brackets.read_assigned(lines.data)
+    return Found({"": table}, {"format": "source text"}) if table else None
+
+
+def _read_dialect(lines: Lines) -> Found | None:
+    """Rows whose layout is documented, or stated in the first lines, or named for sensors."""
+    dialect = dialects.find_dialect(lines.head, lines.rows or lines.head)
+    if dialect is None and _most(lines.rows, _TAGGED.match):
+        dialect = dialects.find_stated_dialect(lines.head)
+    return dialects.read_dialect(dialect, lines.whole) if dialect else None
+
+
+def _read_sentences(lines: Lines) -> Found | None:
+    """Sentences with a checksum, or without."""
+    if not _most(lines.rows, lambda line: "$" in line[:40] and "," in line):
+        return None
+    from agonic.logs.text.sentences import read_sentences
+
+    return read_sentences(lines.whole)
+
+
+def _read_echo(lines: Lines) -> Found | None:
+    """Messages of ROS with `---` between them."""
+    if "---" not in lines.head:
+        return None
+    from agonic.logs.text.labels import is_echo, read_echo
+
+    if not is_echo([line for line in lines.head[:SAMPLE] if line.strip()]):
+        return None
+    from agonic.logs.text.records import make_table
+
+    table, others = make_table(list(read_echo(lines.data[:].decode().split("\n"))))
+    return Found({"": table}, {"format": "messages of ROS as text", "others": others})
+
+
+def _read_labelled(lines: Lines) -> Found | None:
+    """Lines that name their numbers."""
+    if not lines.rows:
+        raise LogError("there are no lines with values in it")
+    if max(map(len, lines.rows)) > LONGEST_LINE:
+        raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
+    whole = "\n".join(lines.rows)
+    if not any(mark in whole for mark in _MARKS) or not any(map(_MAY_LABEL.search, lines.rows)):
+        return None
+    from agonic.logs.text.labels import is_labelled, read_labelled
+
+    if not is_labelled(lines.rows[1:] or lines.rows):
+        return None
+    table, others = read_labelled(numbers.split_rows(lines.data[:]))
+    return Found({"": table}, {"format": "labelled text", "others": others})
 
 
 def _load(path: Path) -> Lines:
@@ -156,46 +193,21 @@ def _most(rows: Sequence[str], test: Callable[[str], object]) -> bool:
     return bool(rows) and 2 * sum(bool(test(row)) for row in rows) > len(rows)
 
 
-def _read_lines(lines: Lines) -> TableAndFacts:
-    """The columns of lines of one kind, and notes on them."""
-    data, head, rows, _, notes = lines
-    if not rows:
-        raise LogError("there are no lines with values in it")
-    if max(map(len, rows)) > LONGEST_LINE:
-        raise LogError(f"a line is longer than {LONGEST_LINE} characters: this is no table")
-    if "---" in head:
-        from agonic.logs.text.labels import is_echo, read_echo
-
-        if is_echo([line for line in head[:SAMPLE] if line.strip()]):
-            from agonic.logs.text.json_text import make_table
-
-            table, others = make_table(list(read_echo(data[:].decode().split("\n"))))
-            return table, {"format": "messages of ROS as text", "others": others, "notes": notes}
-    whole = "\n".join(rows)
-    if any(mark in whole for mark in _MARKS) and any(map(_MAY_LABEL.search, rows)):
-        from agonic.logs.text.labels import is_labelled, read_labelled
-
-        if is_labelled(rows[1:] or rows):
-            table, others = read_labelled(numbers.split_rows(data[:]))
-            return table, {"format": "labelled text", "others": others, "notes": notes}
-    return _read_separated(lines)
-
-
-def _read_separated(lines: Lines) -> TableAndFacts:
+def _read_separated(lines: Lines) -> Found:
     """The columns of cells that separators divide, and notes on them."""
-    data, head, _, sample, notes = lines
+    data, head, sample = lines.data, lines.head, lines.sample
     layout = find_layout(head, sample)
-    notes = (*notes, *layout.notes)
     start = 0
     for _ in range(layout.start):
         start = data.find(b"\n", start) + 1 or len(data)
     cells = [layout.split(head[i]) for i in sample if i >= layout.start]
-    if (channels := long_table.find_channels(layout.header, cells)) is not None:
-        from agonic.logs.text.json_text import make_table
+    from agonic.logs.text.records import find_channels, make_table
 
+    if (channels := find_channels(layout.header, cells)) is not None:
         every = map(layout.split, numbers.split_rows(data, start))
-        table, others = make_table(long_table.gather_channels(channels, layout.header, every))
-        return table, {"format": "long table", "others": others, "notes": notes}
+        table, others = make_table(channels.read(layout.header, every))
+        about: About = {"format": "long table", "others": others, "notes": layout.notes}
+        return Found({"": table}, about)
     above = [line for line in head[: max(layout.start - 1, 0)] if line.strip()]
     table, others, said = _read_body(data, start, layout, "\n".join(above))
     gaps = any(np.isnan(column).any() for column in table.values() if column.dtype.kind == "f")
@@ -209,7 +221,8 @@ def _read_separated(lines: Lines) -> TableAndFacts:
             checks.check_numbers(table, data, start, layout)
             table, cut = checks.cut_at_header(table, data, start, layout)
             said += cut
-    return table, {"format": "text table", "others": others, "notes": (*notes, *said)}
+    notes = (*layout.notes, *said)
+    return Found({"": table}, {"format": "text table", "others": others, "notes": notes})
 
 
 def _read_body(
@@ -220,7 +233,7 @@ def _read_body(
     first = [layout.split(begun[i]) for i in sample_lines(begun)]
     if not first:
         raise LogError("there is a header but no row below it")
-    header = rename_headers(long_table.name_label(_name_index(layout.header, first), first), title)
+    header = rename_headers(name_label(_name_index(layout.header, first), first), title)
     stated = numbers.find_units(first, len(header))
     stated = {i: unit for i, unit in stated.items() if _agrees(header[i], unit)}
     layout = replace(layout, units=stated)

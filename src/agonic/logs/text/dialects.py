@@ -1,18 +1,20 @@
 """The dialects of text: rows whose layout their writer documents, and no header tells: `texts` and
 `groups` in the table of dialects, `dialects.toml`.
 
-Each kind of rows is a table. Its columns stand in the table of dialects; in a comment, `#
-UncalMag,utcTimeMillis,…` (Android GnssLogger), `% Magnetometer data: 'MAGN;AppTimestamp(s);…'`
-(GetSensorData); or in sentences, `$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors
-in the first cell or the second tell: `0.02 MAG 20.1 -3.2 43.0`.
+Each kind of rows is a table. Its columns stand in the table of dialects; or in the rows themselves,
+which name their cells or hold one channel each; in a comment, `# UncalMag,utcTimeMillis,…` (Android
+GnssLogger), `% Magnetometer data: 'MAGN;AppTimestamp(s);…'` (GetSensorData); or in sentences,
+`$COL,MAG,time,x,y,z` (FlySight). Without such, names of sensors in the first cell or the second
+tell: `0.02 MAG 20.1 -3.2 43.0`.
 """
 
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise, zip_longest
 from typing import Any, NamedTuple
@@ -20,19 +22,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
+from agonic.errors import LogError
 from agonic.logs.contents import to_number
-from agonic.logs.groups import INERTIAL, build_groups_log
-from agonic.logs.headers.columns import (
-    find_columns,
-    find_named_quantity,
-    find_quantities,
-    read_dialects,
-)
-from agonic.logs.log import Facts, Log
-from agonic.logs.table import build_log
+from agonic.logs.groups import INERTIAL, Found
+from agonic.logs.headers.columns import find_columns, find_named_quantity, read_dialects
+from agonic.logs.headers.header import name_quantity
+from agonic.logs.log import About
 from agonic.logs.text.layout import Layout, holds_values, is_header, split_cells
 from agonic.logs.text.numbers import read_numbers
-from agonic.samples import Samples
 
 Table = dict[str, Array]
 
@@ -58,12 +55,14 @@ class Dialect:
 
     name: str
     row: str
-    kinds: Mapping[str, Kind]
     source: str
+    kinds: Mapping[str, Kind] = field(default_factory=dict)
     above: str = ""
     share: float = 0.5
     separator: str | None = None
     pair: str = ""
+    time: str = ""
+    refused: str = ""
     notes: tuple[str, ...] = ()
 
     def fits(self, head: Sequence[str], rows: Sequence[str]) -> bool:
@@ -71,10 +70,11 @@ class Dialect:
         if self.above and not any(self.above in line for line in head):
             return False
         found = [match for row in rows if (match := re.match(self.row, row))]
+        if len(found) <= self.share * len(rows):
+            return False
         kinds = {self.name_kind(match.groupdict().get("kind", "")) for match in found}
         cells = [cell for kind in kinds & self.kinds.keys() for cell in self.kinds[kind].cells]
-        field = any(cell.header.startswith("mag_x") for cell in cells)
-        return field and len(found) > self.share * len(rows)
+        return not self.kinds or any(cell.header.startswith("mag_x") for cell in cells)
 
     def name_kind(self, written: str) -> str:
         """The kind of a row, as the dialect names it."""
@@ -107,7 +107,7 @@ def list_dialects() -> tuple[Dialect, ...]:
     """The dialects of text, in the order in which they are tried."""
     found = []
     for row in read_dialects()["texts"]:
-        kinds = row["kinds"]
+        kinds = row.get("kinds", {})
         if isinstance(kinds, str):
             known = find_group(kinds)
         else:
@@ -221,24 +221,74 @@ def find_stated_columns(lines: Iterable[str]) -> dict[str, list[str]]:
     return headers
 
 
-def read_dialect(dialect: Dialect, text: str) -> dict[str, Table]:
+def read_dialect(dialect: Dialect, text: str) -> Found:
     """The columns of each kind of rows that a text has."""
+    if dialect.refused:
+        raise LogError(f"this is {dialect.refused}")
+    about: About = {"format": dialect.name, "notes": dialect.notes}
+    if not dialect.kinds:
+        tables, about["others"] = _read_named(dialect, text)
+        return Found(tables, about)
     tables = {}
     for name, rows in _split_by_kind(dialect, text).items():
-        if (kind := dialect.kinds.get(name)) is None:
-            continue
-        if dialect.pair:
-            tables[name] = name_cells(kind, [dict(re.findall(dialect.pair, row)) for row in rows])
-            continue
-        headers = [cell.header for cell in kind.cells]
-        wanted = find_columns(headers)
-        layout = Layout(separator=dialect.separator, header=headers, start=0, width=len(headers))
-        values = read_numbers("\n".join(rows).encode(), 0, layout, list(wanted))
-        tables[name] = {
-            header: column / kind.cells[at].counts
-            for (at, header), column in zip(wanted.items(), values, strict=True)
-        }
-    return tables
+        if (kind := dialect.kinds.get(name)) is not None:
+            tables[name.lstrip("$")] = _read_kind(kind, rows, dialect)
+    return Found(tables, about, {name: kind.corrected for name, kind in dialect.kinds.items()})
+
+
+def _read_kind(kind: Kind, rows: Sequence[str], dialect: Dialect) -> Table:
+    """The columns of the rows of a kind."""
+    if dialect.pair:
+        return name_cells(kind, [dict(re.findall(dialect.pair, row)) for row in rows])
+    headers = [cell.header for cell in kind.cells]
+    wanted = find_columns(headers)
+    layout = Layout(separator=dialect.separator, header=headers, start=0, width=len(headers))
+    values = read_numbers("\n".join(rows).encode(), 0, layout, list(wanted))
+    return {
+        header: column / kind.cells[at].counts
+        for (at, header), column in zip(wanted.items(), values, strict=True)
+    }
+
+
+def _read_named(dialect: Dialect, text: str) -> tuple[dict[str, Any], list[str]]:
+    """The columns of rows that name their cells, by what the rows are named for, and the names of
+    the other columns: cells in pairs or in JSON, or of one channel each, by `name` and `unit`."""
+    from agonic.logs.text.records import gather_channels, make_table, name_unit
+
+    records: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    channels: list[tuple[str, str, str]] = []
+    for match in re.finditer(f"^(?:{dialect.row})", text, re.MULTILINE):
+        said = match.groupdict("")
+        if "name" in said:
+            name = name_unit(said["name"].strip(), said.get("unit", "").strip())
+            pairs = re.findall(dialect.pair, said["cells"])
+            channels += ((time or said.get("time", ""), name, value) for time, value in pairs)
+        elif cells := _take_apart(said["cells"], dialect.pair):
+            if said["time"] and "time" not in map(name_quantity, cells):
+                cells[dialect.time] = said["time"]
+            records[said["kind"]].append(cells)
+    if channels:
+        records[""] = gather_channels(channels, dialect.time)
+    short = Counter(kind.partition(",")[0] for kind in records)
+    tables, others = {}, []
+    for kind, rows in records.items():
+        plain = kind.partition(",")[0]
+        table, more = make_table(rows)
+        tables[plain if short[plain] == 1 else kind] = table
+        others += more
+    return {"" if len(tables) == 1 else name: table for name, table in tables.items()}, others
+
+
+def _take_apart(cells: str, pair: str) -> dict[str, Any]:
+    """The values in a row by their names; none in a damaged one."""
+    if pair:
+        return dict(re.findall(pair, cells))
+    import msgspec
+
+    with suppress(msgspec.DecodeError, RecursionError):
+        found = msgspec.json.decode(cells)
+        return found if isinstance(found, dict) else {}
+    return {}
 
 
 def _split_by_kind(dialect: Dialect, text: str) -> dict[str, list[str]]:
@@ -263,26 +313,3 @@ def name_cells(kind: Kind, rows: Sequence[Mapping[str, Any]]) -> Table:
         for cell in kind.cells
     }
     return {header: values for header, values in columns.items() if np.isfinite(values).any()}
-
-
-def build_kinds_log(tables: Mapping[str, Table], kinds: Mapping[str, Kind], facts: Facts) -> Log:
-    """The log that tables of several kinds are, by their names; one without a name is alone."""
-    if "" in tables:
-        log = build_log(tables[""], **facts)
-    else:
-        bare = [n for n, table in tables.items() if {*find_quantities(table).values()} <= {"time"}]
-        groups = {name.lstrip("$"): table for name, table in tables.items() if name not in bare}
-        log = build_groups_log(groups, **(facts | {"others": bare}))
-    none = Kind(())
-    return replace(
-        log,
-        sensors=tuple(
-            mark_corrected(one, kinds.get(one.name.partition(" ")[0], none).corrected)
-            for one in log.sensors
-        ),
-    )
-
-
-def mark_corrected(samples: Samples, how: str) -> Samples:
-    """The readings, with a note on how their writer had corrected them, if it had."""
-    return replace(samples, corrected=True, notes=(*samples.notes, how)) if how else samples

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from agonic.logs.headers.columns import find_quantities
 from agonic.logs.headers.header import identify_column, is_unit
 from agonic.logs.headers.quantities import FALLBACK
-from agonic.logs.text.json_text import make_table
 from agonic.logs.text.layout import NUMBER, SAMPLE, STAMP
+from agonic.logs.text.records import make_table
 
 _LINE = re.compile(r"(?P<indent> *)(?P<key>[^\W\d]\w*):(?: +(?P<value>.*))?")
 _ITEM = re.compile(r" *- ?.*")

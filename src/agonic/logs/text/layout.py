@@ -128,6 +128,7 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
         if _are_units(units, header):
             at += 1
             header = [_with_unit(name, unit) for name, unit in zip(header, units, strict=True)]
+            at += len(below) > 1 and is_header(below[1])  # Smp, Avg: how a logger took them
         start = sample[at] + 1
     else:
         comment = next((line for line in reversed(above) if line and not holds_values(line)), "")
@@ -136,19 +137,20 @@ def find_layout(lines: Sequence[str], sample: Sequence[int]) -> Layout:
         before, said = (cells if is_header(cells) else [] for cells in words)
         rows = [split_cells(lines[i], separator) for i in sample[at:]]
         header = _name_columns(before, said, rows, hashed=comment.startswith("# "))
-        if header == _TIMED:
-            notes += (_TIMED_NOTE,)
+        if taken := _TAKEN.get(header[0]) if header[-3:] == [*"xyz"] else None:
+            notes += (f"there is no header: {taken}, the others as x, y and z of a magnetometer",)
     return Layout(
         separator=separator, header=header, start=start, width=width, comma=comma,
-        rate_Hz=_find_rate(above), unit=_find_unit(lines[:start]), notes=notes,
+        rate_Hz=_find_rate(lines[:start]), unit=_find_unit(lines[:start]), notes=notes,
     )  # fmt: skip
 
 
-_TIMED = ["time", *"xyz"]
-_TIMED_NOTE = (
-    "there is no header: the first column grows steadily and is taken as the time, the others as "
-    "x, y and z of a magnetometer"
-)
+_CALENDAR = ("year", "month", "day_of_month", "hour", "minute", "second_of_minute")
+_TAKEN = {
+    "time": "the first column grows steadily and is taken as the time",
+    "year": "the first six columns are taken as year to second",
+}
+"""What is said of the columns before x, y and z that no header names, by the first of them."""
 
 
 def _name_columns(
@@ -174,6 +176,8 @@ def _name_columns(
         )
     if width == 4 and (name := _name_first(rows)):
         return [name, *"xyz"]
+    if width == 9 and all(map(_begins_with_moment, rows)):
+        return [*_CALENDAR, *"xyz"]
     if width != 3:
         raise LogError(
             f"{width} columns and no header; name them in a first line such as "
@@ -206,12 +210,17 @@ def _counts_rows(rows: Sequence[Sequence[str]]) -> bool:
 
 def _example_of(width: int, first: Sequence[str]) -> str:
     """What to write of a table of so many columns, and with such a first row."""
-    ends = zip((1900, 1, 1, 0, 0, 0), (2100, 13, 32, 25, 60, 61), strict=True)
-    parts = zip(map(to_number, first), ends, strict=False)
-    if width > 8 and all(low <= part < end for part, (low, end) in parts):
+    if width > 8 and _begins_with_moment(first):
         return "year=1,month=2,day=3,hour=4,minute=5,second=6,x=7,y=8,z=9"
     known = {4: "time=1,x=2,y=3,z=4", 9: "acc_x_g=1,acc_y_g=2,acc_z_g=3,x=7,y=8,z=9"}
     return known.get(width, "time=…,x=…,y=…,z=…")
+
+
+def _begins_with_moment(row: Sequence[str]) -> bool:
+    """Whether the first six cells may be a year, month, day, hour, minute and second."""
+    ends = zip((1900, 1, 1, 0, 0, 0), (2100, 13, 32, 25, 60, 61), strict=True)
+    parts = zip(map(to_number, row), ends, strict=False)
+    return all(low <= part < end for part, (low, end) in parts)
 
 
 def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:

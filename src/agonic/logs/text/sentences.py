@@ -12,7 +12,6 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import reduce
 from math import nan
@@ -24,12 +23,12 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
+from agonic.logs.groups import Found
 from agonic.logs.headers.columns import read_dialects
 from agonic.logs.headers.header import identify_column, name_quantity
-from agonic.logs.log import Facts, Log
+from agonic.logs.log import About
 from agonic.logs.rows.auxiliary import PERIODS_DEG, resample
-from agonic.logs.table import build_log
-from agonic.logs.text.dialects import find_group, mark_corrected
+from agonic.logs.text.dialects import find_group
 from agonic.logs.text.layout import Table
 from agonic.units import DAY_S
 
@@ -147,8 +146,8 @@ def compute_checksum(body: str) -> int:
     return reduce(xor, body.encode("latin-1", "replace"), 0)
 
 
-def read_sentences(text: str, facts: Facts) -> Log:
-    """The log that sentences are; the unit is that of a field whose sentence does not fix it."""
+def read_sentences(text: str) -> Found:
+    """The columns of a field that sentences tell, with what others do beside it."""
     found, seen, wrong, first = _scan(text.split("\n"))
     try:
         name, lines, table = _read_field(found, seen, wrong)
@@ -156,17 +155,14 @@ def read_sentences(text: str, facts: Facts) -> Log:
         raise LogError(f"{error}{first}") from None
     when = {one.line: one.stamp for one in found}
     remarks = _add_beside(table, lines, [when[line] for line in lines.tolist()], found)
-    damaged = (f"{wrong} sentences with a wrong checksum were left out{first}",) * (wrong > 0)
-    facts |= {
+    about: About = {
         "format": "NMEA-like sentences",
         "others": [f"${other}" for other in seen if other != name],
-        "notes": (*facts.get("notes", ()), *damaged),
+        "notes": (f"{wrong} sentences with a wrong checksum were left out{first}",) * (wrong > 0),
         "remarks": remarks,
     }
-    log = build_log(table, **facts)
     kind = find_group("sentences").get(name)
-    how = kind.corrected.format(f"${name}") if kind else ""
-    return replace(log, sensors=tuple(mark_corrected(one, how) for one in log.sensors))
+    return Found({"": table}, about, {"": kind.corrected.format(f"${name}")} if kind else {})
 
 
 def _scan(rows: Sequence[str]) -> tuple[list[Sentence], Counter[str], int, str]:
