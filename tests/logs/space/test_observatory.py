@@ -1,4 +1,4 @@
-"""IAGA-2002: elements, axes, codes for what is missing, and damage."""
+"""IAGA-2002, IMFV1 and IAF: elements, axes, codes for what is missing, and damage."""
 
 from __future__ import annotations
 
@@ -179,3 +179,60 @@ def test_observatories(
 def test_the_scalar_follows_the_vector(recordings: Path) -> None:
     samples = read(recordings / "observatory/bou20141101vmin.min")
     assert (np.linalg.norm(samples.field, axis=1) - samples.scalar).std() < 0.1 * nT
+
+
+def imf(elements: str, rows: np.ndarray, base: int = 0) -> str:
+    """An hour of IMFV1: whole numbers as it codes them, in tenths and D in hundredths."""
+    head = f"NWH MAR0126 060 08 {elements} R EDI 04992548 {base:06d} {'R' * 16}"
+    lines = [head]
+    for one, two in zip(rows[::2].astype(int), rows[1::2].astype(int), strict=True):
+        cells = ("{:7d} {:7d} {:7d} {:6d}".format(*row) for row in (one, two))
+        lines.append("  ".join(cells))
+    return "\r\n".join(lines) + "\r\n"
+
+
+def test_minutes_of_a_gin_of_intermagnet(file: Path) -> None:
+    coded = np.tile([201_000, 1000, 470_000, 511_180], (60, 1)) + np.arange(60)[:, None]
+    coded[3] = 999_999
+    file.write_text(imf("XYZF", coded))
+    log = open_log(file)
+    (samples,) = log.sensors
+    assert (log.format, samples.name, samples.frame) == ("INTERMAGNET IMFV1", "NWH", "n")
+    assert samples.epoch == datetime(2026, 3, 1, 8, tzinfo=UTC)
+    assert samples.time[:4].tolist() == [0, 60, 120, 240]
+    assert samples.field[0].tolist() == [20_100.0, 100.0, 47_000.0]
+    assert samples.scalar[0] == 51_118.0
+    assert (samples.latitude_deg[0], samples.longitude_deg[0]) == (pytest.approx(40.1), 254.8)
+
+
+def test_declination_of_imfv1_counts_from_its_base(file: Path) -> None:
+    coded = np.tile([200_000, 60 * 100, 470_000, 999_999], (60, 1))
+    file.write_text(imf("HDZF", coded, base=29 * 600))
+    samples = read(file)
+    assert samples.field[0] == pytest.approx([20e3 * np.cos(np.pi / 6), 10e3, 47e3])
+    assert samples.scalar is None
+
+
+@pytest.mark.parametrize("orientation", [b"XYZG", b" XYZ"])
+def test_days_of_the_archive_of_intermagnet(file: Path, orientation: bytes) -> None:
+    """With G, the magnitude of the vector less F; a day that is cut off is left out."""
+    days = np.zeros((2, 5888), "<i4")
+    days[:, 0], days[:, 5] = (np.frombuffer(text, "<i4")[0] for text in (b" NWH", orientation))
+    days[:, 1] = 2026060, 2026061
+    days[:, 2:5] = 49_863, 254_763, 1682
+    values = np.array([201_000, 1000, 470_000, 20 if orientation[-1:] == b"G" else 888_888])
+    days[:, 16:5776] = np.repeat(values, 1440)
+    file.write_bytes(days.tobytes() + days[0, :300].tobytes())
+    log = open_log(file)
+    (samples,) = log.sensors
+    assert (log.format, samples.name, len(samples)) == ("INTERMAGNET IAF", "NWH", 2880)
+    assert samples.epoch == datetime(2026, 3, 1, tzinfo=UTC)
+    assert samples.time[[1, -1]].tolist() == [60, 60 * 2879]
+    assert samples.field[-1].tolist() == [20_100.0, 100.0, 47_000.0]
+    place = (samples.latitude_deg[0], samples.longitude_deg[0], samples.altitude_m[0])
+    assert place == pytest.approx((40.137, 254.763, 1682))
+    strength = np.linalg.norm(samples.field[0])
+    if orientation == b"XYZG":
+        assert samples.scalar[0] == pytest.approx(strength - 2.0)
+    else:
+        assert samples.scalar is None

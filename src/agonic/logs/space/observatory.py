@@ -1,0 +1,258 @@
+"""What magnetic observatories exchange: IAGA-2002, and INTERMAGNET's IMFV1 and IAF.
+
+X, Y, Z and H, D, Z (or D, H, Z) are components along north, east, down; H, E, Z and U, V, W are
+those of the variometer, in its own axes; F is an absolute scalar instrument and G what F lacks to
+the vector; D is in minutes, from DECBAS on. A value from 88880 on is missing or not observed.
+
+IAGA-2002 has seventy characters a row: date, time, day of the year, four values of ten characters
+(IAGA V-DAT, IAGA-2002 data exchange format). IMFV1 has a line for each two minutes below one for
+each hour, IAF 5888 words of 32 bits for each day, both in tenths, D of IMFV1 in hundredths
+(INTERMAGNET Technical Reference Manual, IMFV1.23 and IAFV2.11).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agonic.arrays import Array
+from agonic.errors import LogError
+from agonic.logs.contents import to_number
+from agonic.logs.groups import Found
+from agonic.logs.log import About
+from agonic.logs.space.products import compare_scalar
+
+MISSING = 88_880.0
+"""Values from here on are codes: 88888 not observed, 99999 missing."""
+
+_TIME, _VALUES, _WIDTH = slice(0, 23), slice(30, 70), 10
+_NORTH = ("XYZ", "HDZ", "DHZ")
+_OWN = ("HEZ", "UVW", "EHZ")
+_PLACES = {
+    "GEODETIC LATITUDE": "latitude_deg",
+    "GEODETIC LONGITUDE": "longitude_deg",
+    "ELEVATION": "altitude_m",
+}
+_HOUR = re.compile(
+    r"(?P<station>\w{3}) \w{5}(?P<year>\d\d) (?P<day>\d{3}) (?P<hour>\d\d) (?P<elements>[A-Z]{4}) "
+    r"(?P<kind>[A-Z]) \w{3} (?P<colatitude>\d{4})(?P<longitude>\d{4}) (?P<base>\d{6}) "
+)
+"""What stands above the values of an hour in IMFV1."""
+_WORDS, _HEADER, _MINUTES = 5888, 16, 1440
+"""Of a day in IAF: all, those before the values, and values of an element."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observations:
+    """The elements of an observatory (n,) by their letters, nT and minutes of arc, and when they
+    were; degrees and m of its place by their columns; what D counts from, minutes, NaN for none."""
+
+    format: str
+    station: str
+    elements: Mapping[str, Array]
+    time: NDArray[np.datetime64]
+    place: Mapping[str, float]
+    base: float = np.nan
+    definitive: bool = False
+    unseen: Iterable[str] = field(default_factory=tuple)
+
+
+def read_tables(path: Path) -> Found:
+    """The columns of an observatory, its sensor called by its code; the format fixes nT."""
+    data = path.read_bytes()
+    if b"\0" in data[:64]:
+        seen = _read_iaf(data)
+    else:
+        text = data.decode("latin-1").replace("\r\n", "\n")
+        seen = _read_hours(text) if _HOUR.match(text) else _read_iaga(text)
+    table, notes = _table(seen)
+    about: About = {"format": seen.format, "others": seen.unseen, "remarks": tuple(notes)}
+    return Found({seen.station: {**table, "time": seen.time}}, about)
+
+
+def _read_iaf(data: bytes) -> Observations:
+    """The days of a file of IAF; one that ends in the middle of one has the days before."""
+    words = np.frombuffer(data[: len(data) // (4 * _WORDS) * 4 * _WORDS], "<i4").reshape(-1, _WORDS)
+    if not len(words):
+        raise LogError("there is no whole day in it; fetch the file again")
+    values = words[:, _HEADER : _HEADER + 4 * _MINUTES].reshape(-1, 4, _MINUTES)
+    values = np.moveaxis(values, 1, 2).reshape(-1, 4) / 10.0
+    years, days = np.divmod(words[:, 1].astype(np.int64), 1000)
+    starts = (years - 1970).astype("datetime64[Y]").astype("datetime64[D]") + (days - 1)
+    minutes = np.arange(_MINUTES).astype("timedelta64[m]")
+    code, letters = (data[at : at + 4].decode("latin-1").strip() for at in (0, 20))
+    colatitude, longitude, height = (float(word) for word in words[0, 2:5])
+    elements, unseen = _name_elements([*letters, *"F"][:4], values)
+    return Observations(
+        format="INTERMAGNET IAF",
+        station=code or "mag",
+        elements=elements,
+        time=(starts[:, None] + minutes).ravel().astype("datetime64[ms]"),
+        place={
+            "latitude_deg": 90.0 - colatitude / 1e3,
+            "longitude_deg": longitude / 1e3,
+            "altitude_m": height,
+        },
+        unseen=unseen,
+    )
+
+
+def _read_hours(text: str) -> Observations:
+    """The hours of a file of IMFV1."""
+    rows: list[list[float]] = []
+    minutes: list[int] = []
+    first = _HOUR.match(text)
+    assert first is not None
+    minute = 0
+    for line in text.split("\n"):
+        if head := _HOUR.match(line):
+            year, day, hour = (int(head[part]) for part in ("year", "day", "hour"))
+            begun = np.datetime64(f"{year + (1900 if year > 68 else 2000)}-01-01", "m")
+            minute = int(begun.astype(np.int64)) + 60 * (24 * (day - 1) + hour)
+        elif line.strip():
+            for at in (0, 32):
+                cells = (line[at + 8 * k : at + 8 * k + 7] for k in range(4))
+                rows.append([to_number(cell) for cell in cells])
+                minutes.append(minute)
+                minute += 1
+    values = np.array(rows).reshape(-1, 4)
+    values[values == 999_999] = np.nan
+    units = np.array([100.0 if letter == "D" else 10.0 for letter in first["elements"]])
+    elements, unseen = _name_elements([*first["elements"]], values / units)
+    return Observations(
+        format="INTERMAGNET IMFV1",
+        station=first["station"].strip(),
+        elements=elements,
+        time=np.array(minutes).astype("datetime64[m]").astype("datetime64[ms]"),
+        place={
+            "latitude_deg": 90.0 - int(first["colatitude"]) / 10.0,
+            "longitude_deg": int(first["longitude"]) / 10.0,
+        },
+        base=int(first["base"]) / 10.0 or np.nan,
+        unseen=unseen,
+    )
+
+
+def _read_iaga(text: str) -> Observations:
+    """The rows of a file of IAGA-2002 that are whole."""
+    header, rows = _parts(text)
+    if not rows:
+        raise LogError("there is a header but no row of data; fetch the file again")
+    code = header.get("IAGA CODE", "")
+    names = [name.upper().removeprefix(code.upper()) for name in header["DATE"].split()[3:]]
+    if len(names) < 4:
+        names = list(header.get("REPORTED", "").upper())
+    if len(names) < 4:
+        raise LogError("the header names no four elements such as X, Y, Z and F; fetch it again")
+    elements, unseen = _name_elements(names, _numbers([row[_VALUES] for row in rows]))
+    told = {label: _number(header.get(label, "")) for label in (*_PLACES, "DECBAS")}
+    return Observations(
+        format="IAGA-2002",
+        station=code.strip() or "mag",
+        elements=elements,
+        time=_moments(rows),
+        place={column: told[label] for label, column in _PLACES.items()},
+        base=told["DECBAS"] / 10.0,
+        definitive="definitive" in header.get("DATA TYPE", "").lower(),
+        unseen=unseen,
+    )
+
+
+def _parts(text: str) -> tuple[dict[str, str], list[str]]:
+    """The labelled lines of the header, and the rows of data that are whole."""
+    lines = text.split("\n")
+    header: dict[str, str] = {}
+    start = next((k for k, line in enumerate(lines) if line.startswith("DATE")), len(lines))
+    header["DATE"] = lines[start].rstrip(" |") if start < len(lines) else ""
+    for line in lines[:start]:
+        comment = re.match(r" # (DECBAS)\s+(\S+)", line)
+        label, value = comment.groups() if comment else (line[1:24].strip(), line[24:69].strip())
+        header.setdefault(label.upper(), value)
+    rows = [line for line in lines[start + 1 :] if len(line) >= _VALUES.stop and line[4] == "-"]
+    return header, rows
+
+
+def _name_elements(names: list[str], values: Array) -> tuple[dict[str, Array], list[str]]:
+    """The values of each element, and the names of those that were never observed."""
+    known = np.where(np.abs(values) >= MISSING, np.nan, values)
+    found = dict(zip(names, known.T, strict=False))
+    seen = {name: v for name, v in found.items() if np.isfinite(v).any() and name != "NUL"}
+    return seen, [name for name in found if name not in seen]
+
+
+def _number(text: str) -> float:
+    return to_number(text.encode("latin-1", "replace"))
+
+
+def _numbers(texts: list[str]) -> Array:
+    """The four values of each row; NaN where there is no number."""
+    cells = np.array([text.encode("latin-1", "replace") for text in texts], dtype="S40")
+    split = cells.view(f"S{_WIDTH}").reshape(len(texts), -1)
+    try:
+        return split.astype(np.float64)
+    except ValueError:
+        return np.array([[to_number(cell) for cell in row] for row in split])
+
+
+def _moments(rows: list[str]) -> NDArray[Any]:
+    """The times of the rows; NaT where there is none."""
+    stamps = np.array([row[_TIME].replace(" ", "T") for row in rows])
+    try:
+        return stamps.astype("datetime64[ms]")
+    except ValueError:
+        moments = np.full(len(rows), np.datetime64("NaT", "ms"))
+        for k, stamp in enumerate(stamps):
+            with suppress(ValueError):
+                moments[k] = np.datetime64(stamp, "ms")
+        return moments
+
+
+def _table(seen: Observations) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """Field, its axes, scalar reading and place, and notes on them."""
+    elements = seen.elements
+    kind = next((k for k in (*_NORTH, *_OWN) if set(k) <= set(elements)), None)
+    if kind is None:
+        raise LogError(
+            f"the elements are {', '.join(elements) or 'none'}; a field needs X Y Z, H D Z, H E Z "
+            "or U V W"
+        )
+    field, frame, notes = _field(kind, seen)
+    reading = elements.get("F", elements.get("S"))
+    if reading is None and "G" in elements:
+        reading = np.linalg.norm(field, axis=1) - elements["G"]
+        notes.append("F was restored from G, the magnitude of the vector less F")
+    table: dict[str, NDArray[Any]] = {"frame": np.full(len(field), frame, dtype=object)}
+    if reading is not None:
+        field, beside, said = compare_scalar(field, reading)
+        table |= {} if beside is None else {"scalar_nT": beside}
+        notes += said
+    table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
+    known = {column: value for column, value in seen.place.items() if abs(value) < MISSING}
+    return table | {column: np.full(len(field), value) for column, value in known.items()}, notes
+
+
+def _field(kind: str, seen: Observations) -> tuple[Array, str, list[str]]:
+    """The three components (n, 3), the letter of their axes, and notes."""
+    elements, base = seen.elements, seen.base
+    if kind in _OWN:
+        names = "HEZ" if "H" in kind else "UVW"
+        notes = [f"{', '.join(names)} are components in the variometer's own axes"]
+        if np.isfinite(base):
+            notes.append(f"its first axis is {base / 60:.3f}° east of north (DECBAS)")
+        return np.stack([elements[name] for name in names], axis=1), "m", notes
+    if kind == "XYZ":
+        return np.stack([elements[name] for name in "XYZ"], axis=1), "n", []
+    minutes, notes = elements["D"], ["H and D were made north and east"]
+    if not seen.definitive and np.isfinite(base):
+        minutes = minutes + base
+        notes.append(f"D counts from DECBAS, {base / 60:.3f}°")
+    angle = 2 * np.pi * minutes / 21_600.0
+    north, east = elements["H"] * np.cos(angle), elements["H"] * np.sin(angle)
+    return np.stack([north, east, elements["Z"]], axis=1), "n", notes
