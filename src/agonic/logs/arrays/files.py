@@ -19,7 +19,7 @@ from agonic.errors import MissingExtraError
 from agonic.logs.ardupilot.dataflash import is_labelled, read_labelled
 from agonic.logs.arrays import stacked
 from agonic.logs.arrays.stacked import build_arrays_log, build_tables
-from agonic.logs.arrays.stored import DEEPEST, read_arrays, read_version_5, read_version_7_3
+from agonic.logs.arrays.stored import DEEPEST, fetch, read_arrays, read_version_5, read_version_7_3
 from agonic.logs.child_process import call
 from agonic.logs.groups import Found, build_tables_log
 from agonic.logs.log import Log
@@ -70,7 +70,15 @@ def _read_contents(path: Path) -> dict[str, Any]:
     if hdf and find_spec("h5py") is None:
         raise MissingExtraError("reading a MATLAB 7.3 file", "space")
     contents: dict[str, Any] = call(read_version_7_3 if hdf else read_version_5, path)
-    return contents
+    return _fetch_all(contents) if hdf else contents
+
+
+def _fetch_all(contents: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of groups, some from their place in the file, with the axes of MATLAB."""
+    return {
+        name: _fetch_all(value) if isinstance(value, Mapping) else fetch(value).T
+        for name, value in contents.items()
+    }
 
 
 def _gather_messages(arrays: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, NDArray[Any]]]:

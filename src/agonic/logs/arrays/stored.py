@@ -1,10 +1,13 @@
 """What files of arrays store, read by their libraries: MATLAB, HDF5, NumPy. These crash, go round
-for ever or take all memory on damaged files: whoever reads one calls them in a child process.
+for ever or take all memory on damaged files: whoever reads one calls them in a child process. Long
+values that lie in a file as they are need no library, and are read from their place by `fetch`.
 """
 
 from __future__ import annotations
 
 import mmap
+import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +28,7 @@ def check_heaps(path: Path) -> None:
     object of no size that stands for free space is taken up again and again by libhdf5 1.14 (HDF5
     File Format Specification 3.0, section III.E, global heap)."""
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        start = data.find(_HEAP)
-        while start >= 0:
+        for start in map(re.Match.start, re.finditer(_HEAP, data)):  # far faster than data.find
             end = min(start + int.from_bytes(data[start + 8 : start + 16], "little"), len(data))
             at = start + 16  # bytes before the objects of a heap, and before the data of one
             while at + 16 <= end:
@@ -36,7 +38,6 @@ def check_heaps(path: Path) -> None:
                 if step == 0:
                     raise LogError("damaged: a heap in it has no end; fetch it again")
                 at += step
-            start = data.find(_HEAP, start + 1)
 
 
 def list_items(group: Any) -> dict[str, Any]:
@@ -57,8 +58,30 @@ def list_items(group: Any) -> dict[str, Any]:
     return found
 
 
-def read_values(item: Any) -> NDArray[Any]:
-    """The values of a data set; `LogError` where they lie elsewhere or are too many."""
+@dataclass(frozen=True)
+class Place:
+    """Where values lie in a file, from which byte on, of which type and shape."""
+
+    path: str
+    offset: int
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+
+
+def fetch(values: NDArray[Any] | Place) -> NDArray[Any]:
+    """Values, from their place where they are not here."""
+    if not isinstance(values, Place):
+        return values
+    count = int(np.prod(values.shape))
+    found = np.fromfile(values.path, values.dtype, count, offset=values.offset)
+    if len(found) < count:
+        raise LogError("damaged: its values end before they should; fetch it again")
+    return found.reshape(values.shape)
+
+
+def read_values(item: Any) -> NDArray[Any] | Place:
+    """The values of a data set, or their place; `LogError` where they lie elsewhere or are too
+    many."""
     if item.external or item.is_virtual:
         raise LogError(
             f"{item.name} keeps its values in another file, which is not followed; copy them "
@@ -66,6 +89,9 @@ def read_values(item: Any) -> NDArray[Any]:
         )
     size = int(np.prod(item.shape, dtype=object)) * max(item.dtype.itemsize, 1)
     check_declared(size, int(item.id.get_storage_size()), str(item.name))
+    plain = item.dtype.kind in "fiu" and item.chunks is None and item.id.get_offset() is not None
+    if plain and item.id.get_storage_size() == size > 1_000_000:
+        return Place(item.file.filename, item.id.get_offset(), item.dtype, item.shape)
     return np.asarray(item[()])
 
 
@@ -138,13 +164,13 @@ def read_version_7_3(path: Path) -> dict[str, Any]:
 
 
 def _contents(group: Any, depth: int = 0) -> dict[str, Any]:
-    """The numeric data sets of an HDF5 group; MATLAB stores them with their axes reversed."""
+    """The numeric data sets of an HDF5 group; their axes are in the reverse order of MATLAB."""
     contents: dict[str, Any] = {}
     for name, item in list_items(group).items():
         if hasattr(item, "items"):
             contents[name] = _contents(item, depth + 1) if depth < DEEPEST else {}
         elif item.dtype.kind in "fiu" and item.attrs.get("MATLAB_class") != b"char":
-            contents[name] = read_values(item).T
+            contents[name] = read_values(item)
     return contents
 
 

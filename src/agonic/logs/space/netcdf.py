@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.arrays.stacked import is_sampling_rate
-from agonic.logs.arrays.stored import check_heaps, list_items, read_values
+from agonic.logs.arrays.stored import Place, check_heaps, fetch, list_items, read_values
 from agonic.logs.child_process import call
 from agonic.logs.clocks.clock import read_clock, to_moments
 from agonic.logs.contents import explain_damage
@@ -35,8 +35,8 @@ _UNITS = {"min": 60.0, "mil": 1e-3, "ms": 1e-3, "mic": 1e-6, "us": 1e-6, "n": 1e
 _ATTRIBUTES = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value")
 _DIMENSION = b"This is a netCDF dimension but not a netCDF variable"
 
-Found = tuple[NDArray[Any], Mapping[str, Any]]
-"""The values of a variable and its attributes."""
+Found = tuple[NDArray[Any] | Place, Mapping[str, Any]]
+"""The values of a variable, or their place, and its attributes."""
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -47,7 +47,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         raise MissingExtraError("reading a netCDF-4 file", "space")
     with explain_damage("cannot be read as netCDF"):
         found, notes = _read_version_3(path) if classic else call(read_version_4, path)
-    variables = {name: _decode(*variable) for name, variable in found.items()}
+    variables = {name: _decode(fetch(values), said) for name, (values, said) in found.items()}
     units = {name: _text(attributes.get("units", "")) for name, (_, attributes) in found.items()}
     facts = Facts(path=path, source=source, format="netCDF", unit=unit, notes=tuple(notes))
     return build_variables_log(variables, units, **facts)
