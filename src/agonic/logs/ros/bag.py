@@ -9,13 +9,15 @@ sensor axes into east, north, up. Columns have the names of the fields of messag
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
-from functools import reduce
+from functools import cache
+from itertools import chain
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -61,52 +63,76 @@ def rotate_table(table: Mapping[str, Array], turn: Rotation) -> dict[str, Array]
         if set(names) <= set(table):
             values = turn.apply(np.stack([table[name] for name in names], axis=1))
             rotated |= dict(zip(names, values.T, strict=True))
-    names = [f"orientation_{axis}" for axis in "xyzw"]
-    if set(names) <= set(table):
-        quat = np.stack([table[name] for name in names], axis=1)
+    if set(_QUATERNION) <= set(table):
+        quat = np.stack([table[name] for name in _QUATERNION], axis=1)
         known = np.isfinite(quat).all(axis=1)
         turned = np.full_like(quat, np.nan)
         turned[known] = (Rotation.from_quat(quat[known]) * turn.inv()).as_quat()
-        rotated |= dict(zip(names, turned.T, strict=True))
+        rotated |= dict(zip(_QUATERNION, turned.T, strict=True))
     return rotated
 
 
-Row = Mapping[str, float]
+Row = dict[str, float]
 
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
-def read_message(message: Any, columns: str) -> Row:
-    """What a message says, by a row of the table of dialects; nothing where a fix has none. A
-    quaternion of no length is none, nor is a pulse that drives nothing."""
-    if hasattr(message, "status") and message.status.status < 0:
-        return {}
-    said: dict[str, float] = {}
+class Field(NamedTuple):
+    """Columns of a message: their names, what gets their values, all at once or of each item of a
+    list, their sign, and what gets the covariance that says whether there are any."""
+
+    names: tuple[str, ...]
+    get: Callable[[Any], Any]
+    item: Callable[[Any], Any] | None = None
+    sign: float = 1.0
+    covariance: Callable[[Any], Any] | None = None
+
+
+@cache
+def parse_fields(columns: str) -> tuple[Field, ...]:
+    """The fields that a row of the table of dialects writes."""
+    fields = []
     for column in columns.split():
         name, _, path = column.partition("=")
         stem, several, inner = path.lstrip("?-").partition("[]")
-        if path[0] == "?" and getattr(message, f"{stem.partition('.')[0]}_covariance")[0] == -1:
+        of_item = attrgetter(inner.lstrip(".")) if inner else float
+        axes = "xyz" if "*" in name else "*"
+        fields.append(
+            Field(
+                names=tuple(name.replace("*", axis) for axis in axes),
+                get=attrgetter(*(stem.replace("*", axis) for axis in axes)),
+                item=of_item if several else None,
+                sign=-1.0 if path[0] == "-" else 1.0,
+                covariance=attrgetter(f"{stem.partition('.')[0]}_covariance")
+                if path[0] == "?"
+                else None,
+            )
+        )
+    return tuple(fields)
+
+
+def read_message(message: Any, columns: str) -> Row:
+    """What a message says, by a row of the table of dialects; nothing where a fix has none. A pulse
+    that drives nothing is none."""
+    if hasattr(message, "status") and message.status.status < 0:
+        return {}
+    said: dict[str, float] = {}
+    for names, get, item, sign, covariance in parse_fields(columns):
+        if covariance is not None and covariance(message)[0] == -1:
             continue
-        if several:
-            items = enumerate(_get(message, stem), start=1)
-            said |= {name.format(k): float(_get(one, inner.lstrip("."))) for k, one in items}
+        values = get(message)
+        if item is not None:
+            said |= {names[0].format(k): float(item(v)) for k, v in enumerate(values, start=1)}
+        elif len(names) > 1:
+            said.update(zip(names, values, strict=True))
         else:
-            axes = "xyz" if "*" in name else "*"
-            sign = -1.0 if path[0] == "-" else 1
-            said |= {name.replace("*", a): sign * _get(message, stem.replace("*", a)) for a in axes}
-    square = sum(value**2 for name, value in said.items() if name.startswith("orientation_"))
-    if not square > 0.25:  # nor where it is NaN
-        said = {name: value for name, value in said.items() if not name.startswith("orientation_")}
-    pulses = (n for n, value in said.items() if n.endswith("_us") and value <= SHORTEST_PULSE_US)
-    drop = {*pulses, *(name for name in ("current_A",) if math.isnan(said.get(name, 0.0)))}
-    return {name: value for name, value in said.items() if name not in drop}
+            said[names[0]] = sign * values
+    if "_us" in columns:
+        return {name: value for name, value in said.items() if value > SHORTEST_PULSE_US}
+    return {} if math.isnan(said.get("current_A", 0.0)) else said
 
 
-def _get(message: Any, path: str) -> Any:
-    """A field of a message by its dotted name, "" being the message."""
-    return reduce(getattr, filter(None, path.split(".")), message)
-
-
+_QUATERNION = tuple(f"orientation_{axis}" for axis in "xyzw")
 _TYPES: dict[str, str] = read_dialects()["ros"]["types"]
 VECTOR, TIME = "geometry_msgs/msg/Vector3Stamped", "sensor_msgs/msg/TimeReference"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -118,15 +144,22 @@ def find_columns(topic: str, kind: str) -> str | None:
 
 
 def make_table(rows: Iterable[Row]) -> dict[str, Array]:
-    """The rows as columns, NaN where a message does not say; without what is the same in all. An
-    orientation that never changes is one that nobody filled in."""
+    """The rows as columns, NaN where a message does not say; without what is the same in all. A
+    quaternion of no length is none, nor is one that never changes, which nobody filled in."""
     every = list(rows)
-    names = dict.fromkeys(name for row in every for name in row)
-    table = {name: np.array([row.get(name, np.nan) for row in every]) for name in names}
-    turns = [name for name in table if name.startswith("orientation_")]
-    if turns and not any(np.nanmax(table[name]) > np.nanmin(table[name]) for name in turns):
-        table = {name: values for name, values in table.items() if name not in turns}
-    return table
+    names = dict.fromkeys(chain.from_iterable(every))
+    if all(len(row) == len(names) for row in every):  # as they mostly are
+        values = np.array([tuple(row.values()) for row in every], dtype=np.float64).T.copy()
+        table = dict(zip(names, values, strict=False))
+    else:
+        table = {name: np.array([row.get(name, np.nan) for row in every]) for name in names}
+    turns = np.array([table[name] for name in _QUATERNION if name in table])
+    if not len(turns):
+        return table
+    known = (turns**2).sum(axis=0) > 0.25  # nor where it is NaN
+    if not known.any() or not np.ptp(turns[:, known], axis=1).any():
+        return {name: values for name, values in table.items() if name not in _QUATERNION}
+    return table | dict(zip(_QUATERNION, np.where(known, turns, np.nan), strict=True))
 
 
 _FIELDS = ("magnetic_field_x", "mag_x")
@@ -238,8 +271,8 @@ def _take(
     moment = stamp.sec, stamp.nanosec
     if moment == (0, 0):  # nobody filled it in: when it was recorded
         moment = divmod(received_ns, 1_000_000_000)
-    when = dict(zip(STAMP, map(float, moment), strict=True))
-    contents.rows.setdefault(connection.topic, []).append({**when, **said})
+    when = {STAMP[0]: float(moment[0]), STAMP[1]: float(moment[1])}
+    contents.rows.setdefault(connection.topic, []).append(when | said)
     contents.frames.setdefault(connection.topic, _frame(message.header.frame_id))
 
 
