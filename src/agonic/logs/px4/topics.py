@@ -31,8 +31,7 @@ def list_tracks(
     Acceleration and rotation rate are logged in body axes; they are turned into those of the
     magnetometer, and left out where the turn is not known."""
     quantities = (*_list_attitude(topics), *tracks.list_quantities("PX4", topics))
-    disturbers = (*_list_disturbers(topics), *_list_batteries(topics))
-    for name, topic, values in (*quantities, *disturbers):
+    for name, topic, values in (*quantities, *_list_batteries(topics)):
         if values.ndim > 1:
             if rotation_bm is None:
                 continue
@@ -88,28 +87,6 @@ def list_headings(topics: tracks.Tables) -> Iterator[tracks.Candidate]:
         sd = np.degrees(np.sqrt(np.abs(variance)))
         assert estimator.time_s is not None
         yield tracks.Candidate("EKF-GSF yaw", estimator.time_s, np.where(valid, yaw, np.nan), sd)
-
-
-def _list_disturbers(topics: tracks.Tables) -> Iterator[tracks.Quantity]:
-    """What may disturb a compass beside the batteries, by name. Motors by their command 0…1 (older
-    logs: by their pulse of 1…2 ms), speed controllers by their current."""
-    motors, outputs = topics.get("actuator_motors[0]"), topics.get("actuator_outputs[0]")
-    for k in range(16):
-        if motors is not None and (duty := motors.get(f"control[{k}]")) is not None:
-            yield f"motor{k + 1}_duty", motors, np.clip(duty.astype(np.float64), -1.0, 1.0)
-        pulse = None if motors is not None or outputs is None else outputs.get(f"output[{k}]")
-        if (
-            outputs is not None
-            and pulse is not None
-            and np.nanmax(pulse, initial=0.0) > tracks.SHORTEST_PULSE_US
-        ):
-            duty = 1e-3 * pulse.astype(np.float64) - 1.0
-            yield f"output{k + 1}_duty", outputs, np.clip(duty, 0.0, 1.0)
-    controllers = topics.get("esc_status[0]")
-    for k in range(8) if controllers is not None else ():
-        assert controllers is not None
-        if (drawn := controllers.get(f"esc[{k}].esc_current")) is not None:
-            yield f"esc{k + 1}_A", controllers, drawn.astype(np.float64)
 
 
 def find_utc_of_boot(topics: tracks.Tables) -> datetime | None:

@@ -230,10 +230,9 @@ def _select_readings(topic: Table) -> tuple[Table, Array, int]:
         rows = np.flatnonzero(device == devices[counts.argmax()])
     if (behind := topic.get("magnetometer_timestamp_relative")) is not None:
         time = time + behind / 1e6
-        rows = np.flatnonzero(
-            behind != 0x7FFFFFFF
-        )  # no new reading; those repeated keep their time
-        rows = rows[np.diff(time[rows], prepend=-np.inf) > 5e-4]  # but for some microseconds
+        rows = np.flatnonzero(behind != 0x7FFFFFFF)  # which stands for no new reading
+        # readings that are repeated keep their time, but for some microseconds
+        rows = rows[np.diff(time[rows], prepend=-np.inf) > 5e-4]
     wrong = find_misplaced(time[rows])
     rows = rows[~wrong]
     return topic.select(rows), time[rows], int(wrong.sum())

@@ -93,10 +93,9 @@ def list_quantities(dialect: str, tables: Tables) -> Iterator[Quantity]:
     rows = read_dialects()["beside"][dialect]
     for row in rows["messages"]:
         table = find_first(tables, *row["message"].split())
-        for name, columns in row["columns"].items() if table is not None else ():
-            assert table is not None
-            if (values := table.stack(*columns.split())) is not None:
-                yield name, table, values / (row.get("whole", 1) if columns in table.integer else 1)
+        if table is not None and row.get("unless") not in tables:
+            for name, values in _read_row(table, row):
+                yield name, table, values
     for message in rows["place"]["message"].split():
         table = find_first(tables, message)
         place = {} if table is None else _read_place(table, rows["place"])
@@ -110,6 +109,25 @@ def list_quantities(dialect: str, tables: Tables) -> Iterator[Quantity]:
             at = table.select(fixed)
             yield from ((name, at, values[fixed]) for name, values in place.items())
             return
+
+
+def _read_row(table: Table, row: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
+    """The quantities that a row tells of its messages; braces are each number that is there."""
+    for name, columns in row["columns"].items():
+        for number in range(16) if "{}" in name else range(1):
+            values = table.stack(*columns.format(number).split())
+            if values is None:
+                continue
+            if columns in table.integer:
+                values = values / row.get("whole", 1)
+            if "clip" in row:
+                values = values.astype(np.float64)
+                if np.nanmax(values, initial=0.0) <= row.get("above", -1.0):
+                    continue
+                values = np.clip(
+                    values * row.get("factor", 1.0) + row.get("offset", 0.0), *row["clip"]
+                )
+            yield name.format(number + 1), values
 
 
 def _read_place(table: Table, row: Mapping[str, Any]) -> dict[str, Array]:
