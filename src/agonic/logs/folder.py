@@ -13,7 +13,18 @@ from zipfile import BadZipFile, ZipFile
 
 from agonic.errors import LogError
 from agonic.logs.contents import MOST_PARTS, check_declared
-from agonic.logs.formats import FOLDER, KINDS, format_of, read_head
+from agonic.logs.formats import (
+    ARROW,
+    FOLDER,
+    JSON,
+    KINDS,
+    MATLAB,
+    PARQUET,
+    TEXT,
+    WORKBOOK,
+    format_of,
+    read_head,
+)
 from agonic.logs.groups import INERTIAL, build_groups_log, name_axes, read_file
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.log import Log, Table
@@ -50,12 +61,13 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     for file in files:
         try:
             kind = format_of(read_head(file))
-            if not hasattr(kind.reader, "read_tables"):
+            if kind not in (TEXT, JSON, MATLAB, PARQUET, ARROW, WORKBOOK):
                 raise LogError(f"{kind.name} are recordings of their own")
             for part, table in kind.reader.read_tables(file).tables.items():
                 named = name_axes(table, file.stem, alone=len(files) == 1)
                 if identify_columns(named):
-                    tables[f"{file.stem} {part}".rstrip()] = named
+                    own = f"{part + 1}" if isinstance(part, int) and part else part or ""
+                    tables[f"{file.stem} {own}".rstrip()] = named
         except LogError as error:
             notes.append(f"{file.name} was not read: {error}")
     found = {name: identify_columns(table) for name, table in tables.items()}

@@ -78,10 +78,12 @@ def name_axes(table: Table, name: str, *, alone: bool) -> dict[str, Any]:
 def build_groups_log(
     groups: Mapping[str, Table] | Mapping[int, Table],
     paths: Mapping[str, Path] | None = None,
+    said_of: Mapping[str, tuple[str, ...]] | None = None,
     **facts: Unpack[Facts],
 ) -> Log:
     """The log that tables are, by the name of each, or a number where they have none. `paths` are
-    files of the tables, where they have their own. The rest as for `build_log`."""
+    files of the tables, where they have their own, `said_of` remarks on the readings of each. The
+    rest as for `build_log`."""
     others = tuple(facts.get("others", ()))
     logs, beside, failures = [], [], []
     for key, table in groups.items():
@@ -92,7 +94,8 @@ def build_groups_log(
         try:
             fields = identify_columns(table).get("field", {})
             if any(len(axes) == 3 for axes in fields.values()):
-                own: Facts = {**facts, "path": path, "others": (), "notes": ()}
+                said = (*facts.get("remarks", ()), *(said_of or {}).get(name, ()))
+                own: Facts = {**facts, "path": path, "others": (), "notes": (), "remarks": said}
                 logs.append((name, build_log(table, **own)))
             else:
                 beside.append(read_beside(name, table, path))
@@ -198,13 +201,16 @@ def _carry(samples: Samples, other: Beside, name: str, shift: float) -> Array | 
 
 
 class Found(NamedTuple):
-    """What a file holds: its tables by their names, one alone under "", what to say of it, and how
-    the readings of a table had been corrected before they were written. Where `parts` are of one
-    log, a lone magnetometer is not called as its table is."""
+    """What a file holds: its tables by their names, one alone under "", numbers for those that have
+    none; what to say of it, and of the readings of a table, and how those had been corrected before
+    they were written; and what else it holds. Where `parts` are of one log, a lone magnetometer is
+    not called as its table is."""
 
-    tables: Mapping[str, Table]
+    tables: Mapping[str, Table] | Mapping[int, Table]
     about: About
     corrected: Mapping[str, str] = {}
+    remarks: Mapping[str, tuple[str, ...]] = {}
+    streams: tuple[Stream, ...] = ()
     parts: bool = False
 
 
@@ -220,27 +226,29 @@ def build_tables_log(found: Found, path: Path, source: Input, unit: str | None =
     """The log that the tables of a file are; that of one alone, its sensors apart where it is a
     long one. `unit` is that of the field where no header names one."""
     facts = Facts(path=path, source=source, unit=unit, **found.about)
-    if "" not in found.tables:
-        alone = len(found.tables) == 1
-        tables = {name: name_axes(t, name, alone=alone) for name, t in found.tables.items()}
-        paths = {name: Path(name) for name in tables}
+    alone = len(found.tables) == 1
+    if {*found.tables} != {""}:
+        tables: dict[Any, Table] = {
+            name: name_axes(table, name, alone=alone) if isinstance(name, str) else table
+            for name, table in found.tables.items()
+        }
+        paths = {name: Path(name) for name in tables if isinstance(name, str)}
         fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
         if found.parts and len(fields) == 1:
             tables[""], paths[""] = tables.pop(fields[0]), Path(fields[0])
-        log = build_groups_log(tables, paths, **facts)
-    elif (parts := split_by_sensor(table := found.tables[""])) is not None:
-        log = build_groups_log(parts, {name: Path(name) for name in parts}, **facts)
+        log = build_groups_log(tables, paths, found.remarks, **facts)
     else:
-        log = build_log(table, **facts)
-    if not found.corrected:
-        return log
+        (table,) = found.tables.values()
+        parts = split_by_sensor(table)
+        named = {name: Path(name) for name in parts or ()}
+        log = build_groups_log(parts, named, **facts) if parts else build_log(table, **facts)
     sensors = []
     for one in log.sensors:
         name = "" if "" in found.tables else one.name.partition(" ")[0]
-        how = found.corrected.get(name, "")
-        marked = one.with_columns(corrected=True, notes=(*one.notes, how))
-        sensors.append(marked if how else one)
-    return replace(log, sensors=tuple(sensors))
+        if how := found.corrected.get(name):
+            one = one.with_columns(corrected=True, notes=(*one.notes, how))
+        sensors.append(one)
+    return replace(log, sensors=tuple(sensors), streams=(*log.streams, *found.streams))
 
 
 def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

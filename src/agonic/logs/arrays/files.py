@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from agonic.errors import MissingExtraError
 from agonic.logs.ardupilot.dataflash import is_labelled, read_labelled
-from agonic.logs.arrays import stacked
-from agonic.logs.arrays.stacked import build_arrays_log, build_tables
+from agonic.logs.arrays.stacked import find_tables
 from agonic.logs.arrays.stored import DEEPEST, fetch, read_arrays, read_version_5, read_version_7_3
 from agonic.logs.child_process import call
 from agonic.logs.groups import Found, build_tables_log
@@ -33,34 +32,29 @@ _NUMPY = {b"\x93NUMPY": "NumPy array", b"PK\x03\x04": "NumPy archive"}
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a file is; `unit` is that of the field where no variable names one."""
     with path.open("rb") as stream:
+        numpy = any(map(stream.read(6).startswith, _NUMPY))
+    contents = None if numpy else _read_contents(path)
+    if contents is not None and is_labelled(contents):
+        return read_labelled(contents, path, source)
+    return build_tables_log(read_tables(path, contents), path, source, unit)
+
+
+def read_tables(path: Path, contents: Mapping[str, Any] | None = None) -> Found:
+    """The columns that are understood, a table for each length; a lone matrix as bare axes.
+    `contents` are those of a file of MATLAB, where they have been read."""
+    with path.open("rb") as stream:
         head = stream.read(6)
     if kind := next((kind for mark, kind in _NUMPY.items() if head.startswith(mark)), ""):
         fields: dict[str, NDArray[Any]] = {}
         for name, array in call(read_arrays, path).items():
             parts = array.dtype.names or ()
             fields |= {part: np.asarray(array[part]) for part in parts} if parts else {name: array}
-        return build_arrays_log(fields, path=path, source=source, format=kind, unit=unit)
-    contents = _read_contents(path)
-    if is_labelled(contents):
-        return read_labelled(contents, path, source)
-    arrays = _flat(contents)
+        return find_tables(fields, {"format": kind})
+    arrays = _flat(_read_contents(path) if contents is None else contents)
     if messages := _gather_messages(arrays):
         corrected = {name: kind.corrected for name, kind in find_group("MAVLink").items()}
-        found = Found(messages, {"format": "MAVLink telemetry in MATLAB"}, corrected)
-        return build_tables_log(found, path, source, unit)
-    remarks: tuple[str, ...] = ()
-    if stacked.is_broad(arrays):
-        arrays, remarks = stacked.rename_variables(arrays)
-    return build_arrays_log(
-        arrays, path=path, source=source, format="MATLAB file", unit=unit, remarks=remarks
-    )
-
-
-def read_tables(path: Path) -> Found:
-    """The columns that are understood, a table for each length; a lone matrix as bare axes."""
-    tables, others = build_tables(_flat(_read_contents(path)))
-    numbered = {str(number) if number > 1 else "": t for number, t in enumerate(tables, start=1)}
-    return Found(numbered, {"format": "MATLAB file", "others": others})
+        return Found(messages, {"format": "MAVLink telemetry in MATLAB"}, corrected)
+    return find_tables(arrays, {"format": "MATLAB file"})
 
 
 def _read_contents(path: Path) -> dict[str, Any]:

@@ -16,17 +16,17 @@ Cereatti, Seel, "BROAD", Data 6 (7), 72, 2021.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from agonic.arrays import Array, Mask
-from agonic.logs.groups import build_groups_log
+from agonic.logs.groups import Found
 from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.header import name_quantity, names_reading
-from agonic.logs.log import Facts, Log
+from agonic.logs.log import About
 from agonic.logs.rows.auxiliary import SHORT_REACH_S, measure_reach
 from agonic.maths.rotations.attitude import angles_deg
 
@@ -113,11 +113,14 @@ def fill_short_gaps(quat_wxyz: Array, time: Array) -> Array:
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def build_arrays_log(arrays: Arrays, **facts: Unpack[Facts]) -> Log:
-    """The log that named arrays are; the rest as for `table.build_log`."""
+def find_tables(arrays: Arrays, about: About) -> Found:
+    """The tables that named arrays are, without names of their own."""
+    remarks: tuple[str, ...] = ()
+    if is_broad(arrays):
+        arrays, remarks = rename_variables(arrays)
     tables, unused = build_tables(arrays)
-    facts["others"] = [*unused, *facts.get("others", ())]
-    return build_groups_log(dict(enumerate(tables)), **facts)
+    others = [*unused, *about.get("others", ())]
+    return Found(dict(enumerate(tables)), {**about, "others": others, "remarks": remarks})
 
 
 def build_tables(arrays: Arrays) -> tuple[list[dict[str, NDArray[Any]]], list[str]]:

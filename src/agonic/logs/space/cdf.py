@@ -13,10 +13,9 @@ from agonic.arrays import Array
 from agonic.errors import LogError, MissingExtraError
 from agonic.logs.clocks.clock import to_moments
 from agonic.logs.contents import MOST_COMPRESSION, explain_damage
+from agonic.logs.groups import Found
 from agonic.logs.headers.header import MOST_COLUMNS
-from agonic.logs.log import Facts, Log
-from agonic.logs.space.variables import build_variables_log
-from agonic.provenance import Input
+from agonic.logs.space.variables import find_variables
 
 VERSION_3 = b"\xcd\xf3\x00\x01"
 
@@ -24,8 +23,8 @@ _EPOCH, _EPOCH16, _TT2000 = 31, 32, 33
 """Data types of moments: ms since year 0; s and ps since year 0; ns since 2000, leap seconds in."""
 
 
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a CDF file is; `unit` is that of the field where the file does not say."""
+def read_tables(path: Path) -> Found:
+    """The tables that the variables of a CDF file are."""
     try:
         import cdflib
     except ImportError:
@@ -48,8 +47,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
                 units[name] = str(said.get("UNITS", "")).strip()
         except Exception as error:
             notes.append(f"{name} cannot be read ({type(error).__name__}): the file is damaged")
-    facts = Facts(path=path, source=source, format="CDF", unit=unit, notes=tuple(notes))
-    return build_variables_log(variables, units, **facts)
+    return find_variables(variables, units, {"format": "CDF", "notes": tuple(notes)})
 
 
 class _Bounded:

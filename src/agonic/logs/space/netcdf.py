@@ -21,10 +21,9 @@ from agonic.logs.arrays.stored import Place, check_heaps, fetch, list_items, rea
 from agonic.logs.child_process import call
 from agonic.logs.clocks.clock import read_clock, to_moments
 from agonic.logs.contents import explain_damage
+from agonic.logs.groups import Found
 from agonic.logs.headers.columns import refuse_many
-from agonic.logs.log import Facts, Log
-from agonic.logs.space.variables import build_variables_log
-from agonic.provenance import Input
+from agonic.logs.space.variables import find_variables
 
 CLASSIC = (b"CDF\x01", b"CDF\x02")
 
@@ -35,12 +34,12 @@ _UNITS = {"min": 60.0, "mil": 1e-3, "ms": 1e-3, "mic": 1e-6, "us": 1e-6, "n": 1e
 _ATTRIBUTES = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value")
 _DIMENSION = b"This is a netCDF dimension but not a netCDF variable"
 
-Found = tuple[NDArray[Any] | Place, Mapping[str, Any]]
+Variable = tuple[NDArray[Any] | Place, Mapping[str, Any]]
 """The values of a variable, or their place, and its attributes."""
 
 
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a netCDF file is; `unit` is that of the field where the file does not say."""
+def read_tables(path: Path) -> Found:
+    """The tables that the variables of a netCDF file are."""
     with path.open("rb") as stream:
         classic = stream.read(4) in CLASSIC
     if not classic and find_spec("h5py") is None:
@@ -49,16 +48,15 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         found, notes = _read_version_3(path) if classic else call(read_version_4, path)
     variables = {name: _decode(fetch(values), said) for name, (values, said) in found.items()}
     units = {name: _text(attributes.get("units", "")) for name, (_, attributes) in found.items()}
-    facts = Facts(path=path, source=source, format="netCDF", unit=unit, notes=tuple(notes))
-    return build_variables_log(variables, units, **facts)
+    return find_variables(variables, units, {"format": "netCDF", "notes": tuple(notes)})
 
 
-def read_version_4(path: Path) -> tuple[dict[str, Found], list[str]]:
+def read_version_4(path: Path) -> tuple[dict[str, Variable], list[str]]:
     """The variables of one or two dimensions, those of groups by `group.name`, and notes."""
     import h5py
 
     check_heaps(path)
-    found: dict[str, Found] = {}
+    found: dict[str, Variable] = {}
     notes: list[str] = []
     with h5py.File(path, "r") as file:
         items = list_items(file)
@@ -107,7 +105,7 @@ def _shorten(value: Any) -> Any:
     return value[:200] if isinstance(value, str | bytes) else value
 
 
-def _read_version_3(path: Path) -> tuple[dict[str, Found], list[str]]:
+def _read_version_3(path: Path) -> tuple[dict[str, Variable], list[str]]:
     from scipy.io import netcdf_file
 
     with netcdf_file(path, "r", mmap=False) as file:

@@ -26,7 +26,7 @@ from agonic.arrays import Array
 from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.groups import Found
-from agonic.logs.log import About
+from agonic.logs.log import About, Stream
 from agonic.logs.space.products import compare_scalar
 
 MISSING = 88_880.0
@@ -73,8 +73,9 @@ def read_tables(path: Path) -> Found:
         text = data.decode("latin-1").replace("\r\n", "\n")
         seen = _read_hours(text) if _HOUR.match(text) else _read_iaga(text)
     table, notes = _table(seen)
-    about: About = {"format": seen.format, "others": seen.unseen, "remarks": tuple(notes)}
-    return Found({seen.station: {**table, "time": seen.time}}, about)
+    about: About = {"format": seen.format, "remarks": tuple(notes)}
+    streams = tuple(Stream(name=name, rows=len(seen.time)) for name in seen.unseen)
+    return Found({seen.station: {**table, "time": seen.time}}, about, streams=streams)
 
 
 def _read_iaf(data: bytes) -> Observations:

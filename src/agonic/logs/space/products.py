@@ -11,20 +11,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any, Unpack
+from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array, Mask
-from agonic.errors import LogError
-from agonic.logs.log import Facts, Log, Stream
+from agonic.logs.groups import Found
+from agonic.logs.log import About, Stream
 from agonic.logs.rows.auxiliary import MOST_OF_THE_ROWS
-from agonic.logs.table import build_log
 from agonic.maths.earth.geodesy import directions, earth_fixed, from_geocentric, north_east_down
 from agonic.maths.rotations.attitude import angles_deg
-from agonic.samples import Samples
 
 
 def compare_scalar(field: Array, scalar: Array) -> tuple[Array, Array | None, tuple[str, ...]]:
@@ -70,31 +69,29 @@ def is_spacecraft(variables: Variables) -> bool:
     return bool(_vectors(variables))
 
 
-def build_spacecraft_log(variables: Variables, **facts: Unpack[Facts]) -> Log:
-    """The log that the variables are, a sensor for each vector, those in sensor axes first.
-    `variables` (n,), (n, 3) or (n, 4) by name, in nT, degrees and m; `Timestamp` as datetime64."""
+def find_spacecraft(variables: Variables, about: About) -> Found:
+    """The tables that the variables are, one for each vector of each spacecraft, those in sensor
+    axes first. `variables` (n,), (n, 3) or (n, 4) by name, in nT, degrees and m; `Timestamp` as
+    datetime64."""
     rows = len(variables[_vectors(variables)[0]])
     fitting = {name: values for name, values in variables.items() if len(values) == rows}
-    shared, remarks, used = _shared(fitting)
-    sensors: list[Samples] = []
-    failures: list[str] = []
-    for name in _vectors(fitting):
-        try:
-            table, notes_of_it = _table(name, fitting, shared)
-            said = (*remarks, *notes_of_it)
-            own: Facts = {**facts, "unit": None, "notes": (), "remarks": said}
-            log = build_log(table, **own)
-        except LogError as error:
-            failures.append(f"{name}: {error}")
-            continue
-        for one in log.sensors:
-            named = name if one.name == "mag" else f"{one.name} {name}"
-            sensors.append(one.with_columns(name=named))
-    if not sensors:
-        raise LogError(f"{'; '.join(failures)}; fetch the file again")
-    others = [n for n in variables if n not in {*used, *_vectors(fitting)}]
-    streams = [Stream(name=n, rows=len(variables[n])) for n in others]
-    return Log.of(facts, sensors, streams, failures)
+    crafts = np.array([str(one) for one in fitting.get("Spacecraft", [""] * rows)])
+    several = list(dict.fromkeys(crafts.tolist()))
+    tables: dict[str, dict[str, NDArray[Any]]] = {}
+    remarks: dict[str, tuple[str, ...]] = {}
+    used: set[str] = set()
+    for vector, craft in product(_vectors(fitting), several):
+        own = {name: values[crafts == craft] for name, values in fitting.items()}
+        shared, said, used = _shared(own)
+        name = f"{craft} {vector}" if len(several) > 1 else vector
+        tables[name], notes = _table(vector, own, shared)
+        remarks[name] = (*said, *notes)
+    streams = (
+        Stream(name=name, rows=len(values))
+        for name, values in variables.items()
+        if name not in {*used, *_vectors(fitting)}
+    )
+    return Found(tables, about, remarks=remarks, streams=tuple(streams))
 
 
 def _vectors(variables: Variables) -> list[str]:
@@ -118,9 +115,6 @@ def _shared(variables: Variables) -> tuple[dict[str, NDArray[Any]], list[str], s
         latitude, longitude, height = from_geocentric(*(variables[name] for name in places))
         table |= {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": height}
         remarks.append("latitude and radius are geocentric: made geodetic")
-    craft = variables.get("Spacecraft")
-    if craft is not None and len(set(map(str, craft))) > 1:
-        table["sensor"] = craft
     flags = {name: variables[name] for name in ("Flags_F", "Flags_B") if name in variables}
     odd = np.zeros(len(next(iter(variables.values()))), dtype=bool)
     for name, values in flags.items():

@@ -5,22 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agonic.errors import LogError, UnitError
 from agonic.logs.arrays import stacked
-from agonic.logs.arrays.stacked import build_arrays_log, is_sampling_rate
 from agonic.logs.clocks.clock import UNIX, read_clock, to_moments
 from agonic.logs.contents import to_number
+from agonic.logs.groups import Found
 from agonic.logs.headers.columns import refuse_many
 from agonic.logs.headers.header import name_quantity
 from agonic.logs.headers.quantities import DOCUMENT
-from agonic.logs.log import Facts, Log
-from agonic.logs.space.products import build_spacecraft_log, is_spacecraft
-from agonic.provenance import Input
+from agonic.logs.log import About
+from agonic.logs.space.products import find_spacecraft, is_spacecraft
 from agonic.units import RAW, find_unit, nanotesla_per
 
 Variables = Mapping[str, NDArray[Any]]
@@ -33,20 +32,16 @@ _SPELLINGS = {
 }
 
 
-def build_variables_log(
-    variables: Variables, units: Mapping[str, str], **facts: Unpack[Facts]
-) -> Log:
-    """The log that variables are: as magnetic satellites name them, or as a table's columns.
+def find_variables(variables: Variables, units: Mapping[str, str], about: About) -> Found:
+    """The tables that variables are: as magnetic satellites name them, or as a table's columns.
     `units` of the variables by name, where the file says; moments are datetime64."""
-    notes = facts.get("notes", ())
-    if not variables and notes:
-        raise LogError(f"{notes[0]}; fetch it again")
+    if not variables and about.get("notes"):
+        raise LogError(f"{about['notes'][0]}; fetch it again")
     if stacked.is_broad(variables):
-        renamed, remarks = stacked.rename_variables(variables)
-        return build_arrays_log(renamed, **(facts | {"notes": (), "remarks": remarks}))
+        return stacked.find_tables(variables, {**about, "notes": ()})
     known: dict[str, NDArray[Any]] = {}
     for name, values in variables.items():
-        if values.ndim or is_sampling_rate(name):
+        if values.ndim or stacked.is_sampling_rate(name):
             floating = values.dtype.kind == "f"
             known[name] = np.where(np.abs(values) < FILL, values, np.nan) if floating else values
     if not known:
@@ -54,11 +49,11 @@ def build_variables_log(
     spelled = {name: _SPELLINGS.get(text.strip().lower(), text) for name, text in units.items()}
     if not is_spacecraft(known):
         headed = {_header(n, v, spelled.get(n, "")): v for n, v in known.items()}
-        return build_arrays_log(_add_clock(headed, "time"), **facts)
+        return stacked.find_tables(_add_clock(headed, "time"), about)
     ours = {name: _convert_unit(name, known[name], spelled.get(name, "")) for name in known}
     try:
         with np.errstate(all="ignore"):
-            return build_spacecraft_log(_add_clock(ours, "Timestamp"), **facts)
+            return find_spacecraft(_add_clock(ours, "Timestamp"), about)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:  # beyond all bounds
         raise LogError(f"the numbers in it make no sense ({error}); fetch it again") from error
 
@@ -87,8 +82,8 @@ def _header(name: str, values: NDArray[Any], unit: str) -> str:
     return headed if unit and name_quantity(headed + "[0]" * (values.ndim == 2)) else name
 
 
-def read(path: Path, source: Input, unit: str | None = None) -> Log:
-    """The log that a text of VirES is; the service writes nT, degrees and metres."""
+def read_tables(path: Path) -> Found:
+    """The tables of a text of VirES; the service writes nT, degrees and metres."""
     header, *lines = path.read_bytes().decode("latin-1").replace("\r\n", "\n").split("\n")
     names = header.split(",")
     refuse_many(len(names))
@@ -101,8 +96,8 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
         name: _column(name, cells)
         for name, cells in zip(names, zip(*rows, strict=True), strict=True)
     }
-    facts = Facts(path=path, source=source, format="VirES text table", unit=unit, notes=notes)
-    return build_variables_log({n: v for n, v in columns.items() if v is not None}, {}, **facts)
+    variables = {name: values for name, values in columns.items() if values is not None}
+    return find_variables(variables, {}, {"format": "VirES text table", "notes": notes})
 
 
 def _column(name: str, cells: tuple[str, ...]) -> NDArray[Any] | None:
