@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
-from queue import Full, Queue
-from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -92,39 +92,13 @@ def read_ahead(
     path: Path | Remote, size: int, headers: list[str]
 ) -> Iterator[dict[str, NDArray[Any]]]:
     """Some columns, `size` rows at a time, decoded ahead of whoever works on them. A thread decodes
-    the next few while the last are at work; nulls become NaN."""
-    queue: Queue[dict[str, NDArray[Any]] | BaseException | None] = Queue(maxsize=2)
-    stopped = Event()
-
-    def put(item: dict[str, NDArray[Any]] | BaseException | None) -> bool:
-        while not stopped.is_set():
-            try:
-                queue.put(item, timeout=0.1)
-            except Full:
-                continue
-            return True
-        return False
-
-    def decode() -> None:
-        try:
-            with _open_parquet(path) as file:
-                for batch in file.iter_batches(batch_size=size, columns=headers):
-                    if not put(_arrays(batch)):
-                        return
-            put(None)
-        except BaseException as error:  # told to whoever waits for the rows
-            put(error)
-
-    reader = Thread(target=decode, daemon=True)
-    reader.start()
-    try:
-        while (item := queue.get()) is not None:
-            if isinstance(item, BaseException):
-                raise item
+    the next two while the last are at work; nulls become NaN."""
+    with _open_parquet(path) as file, ThreadPoolExecutor(1) as ahead:
+        batches = map(_arrays, file.iter_batches(batch_size=size, columns=headers))
+        waiting = deque(ahead.submit(next, batches, None) for _ in range(2))
+        while (item := waiting.popleft().result()) is not None:
+            waiting.append(ahead.submit(next, batches, None))
             yield item
-    finally:
-        stopped.set()
-        reader.join()
 
 
 def _arrays(batch: Any) -> dict[str, NDArray[Any]]:

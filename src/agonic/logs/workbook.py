@@ -27,32 +27,32 @@ def read_tables(path: Path) -> Found:
     """The columns of the sheets of a workbook that are understood; one sheet of several that holds
     a magnetometer gives its sensor no name."""
     sheets: dict[str, Table] = {}
-    about: About = {"format": "workbook", "others": [], "notes": ()}
     said = []
+    others: list[str] = []
+    notes: list[str] = []
     with TemporaryDirectory(prefix=".agonic-") as made:
         written = _write_sheets(path, Path(made))
         for name, file in written.items():
             try:
-                found = csv_text.read_tables(file)
+                tables, about, *_ = csv_text.read_tables(file)
             except LogError as error:
                 said.append(f"{name}: {error}")
                 continue
-            sheets |= {f"{name} {part}".rstrip(): table for part, table in found.tables.items()}
-            if not any(map(identify_columns, found.tables.values())):
-                continue
-            about["others"] = [*about["others"], *found.about.get("others", ())]
-            about["notes"] = (*about["notes"], *found.about.get("notes", ()))
-    known = {name: table for name, table in sheets.items() if identify_columns(table)}
-    fields = [name for name, table in known.items() if "field" in identify_columns(table)]
+            sheets |= {f"{name} {part}".rstrip(): table for part, table in tables.items()}
+            if any(map(identify_columns, tables.values())) or len(written) == 1:
+                others += about.get("others", ())
+                notes += about.get("notes", ())
     if not sheets:
         why = "; ".join(said[:3]) or "all are empty"
         raise LogError(f"no sheet in it holds a table ({why})")
+    known = {name: table for name, table in sheets.items() if identify_columns(table)}
+    fields = [name for name, table in known.items() if "field" in identify_columns(table)]
     if len(written) > 1:
         where = ", ".join(map(repr, fields[:5]))
-        several = f"of {len(written)} sheets, {where} with a magnetometer"
-        about["notes"] = (several, *about["notes"])
+        notes.insert(0, f"of {len(written)} sheets, {where} with a magnetometer")
     alone = len(known) == 1 and bool(fields)
-    return Found({"": known[fields[0]]} if alone else sheets, about, parts=True)
+    of_book: About = {"format": "workbook", "others": others, "notes": tuple(notes)}
+    return Found({"": known[fields[0]]} if alone else sheets, of_book, parts=True)
 
 
 def _write_sheets(path: Path, folder: Path) -> dict[str, Path]:

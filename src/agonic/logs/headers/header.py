@@ -89,19 +89,11 @@ def _identify(header: str, name: str, bracket: str) -> Column | None:
     if len(name) > 3 and name.lower() in spelled.TIMES:  # a column called "millis"
         name = f"time{name}"
     if match := spelled.TEMPERATURE.fullmatch(name + bracket):
-        choices, axes, number = (
-            [(spelled.BY_COLUMN["temperature"], spelled.ALIAS)],
-            [],
-            match["after"],
-        )
-        suffix = match["unit"]
-    elif match := spelled.SCALAR_PART.fullmatch(name):
-        choices, axes, number, suffix = (
-            [(spelled.BY_COLUMN["quaternion"], spelled.ALIAS)],
-            ["w"],
-            "",
-            None,
-        )
+        choices = [(spelled.BY_COLUMN["temperature"], spelled.ALIAS)]
+        axes, number, suffix = [], match["after"], match["unit"]
+    elif spelled.SCALAR_PART.fullmatch(name):
+        choices = [(spelled.BY_COLUMN["quaternion"], spelled.ALIAS)]
+        axes, number, suffix = ["w"], "", None
     elif match := spelled.WHOLE_NAME.fullmatch(name):
         choices = spelled.NAMES[match["name"].lower()]
         axes = [match[group] for group in ("before", "axis", "last") if match[group]]

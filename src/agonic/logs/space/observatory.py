@@ -27,7 +27,7 @@ from agonic.errors import LogError
 from agonic.logs.contents import to_number
 from agonic.logs.groups import Found
 from agonic.logs.log import About, Stream
-from agonic.logs.space.products import compare_scalar
+from agonic.logs.space.variables import compare_scalar
 
 MISSING = 88_880.0
 """Values from here on are codes: 88888 not observed, 99999 missing."""
