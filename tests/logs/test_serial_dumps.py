@@ -113,3 +113,14 @@ def test_a_line_of_digits_ends(tmp_path) -> None:
     lines[60] = "mx: " + "9." * 450_000
     samples = read(tmp_path, lines)
     assert len(samples) >= N - 4
+
+
+def test_colours_of_a_terminal(tmp_path):
+    """ESP-IDF writes them around each line, with milliseconds since boot."""
+    path = tmp_path / "monitor.txt"
+    path.write_text(
+        "".join(f"\x1b[0;32mI ({20 * k}) MAG: 3{k}.5, -6.8, 64.9\x1b[0m\n" for k in range(6))
+    )
+    samples = ag.read(path, unit="uT")
+    assert samples.field[0] == pytest.approx([30500, -6800, 64900])
+    assert samples.time.tolist() == [0, 0.02, 0.04, 0.06, 0.08, 0.1]

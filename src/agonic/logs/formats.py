@@ -99,11 +99,15 @@ def decode_marked(data: bytes) -> bytes:
     return data.removeprefix(codecs.BOM_UTF8)
 
 
+COLOUR = re.compile(rb"\x1b\[[\d;]*[A-Za-z]")
+"""What tells a terminal the colour of a line."""
+
+
 def _is_text(head: bytes) -> bool:
     marks = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
     if head.startswith(marks) or is_wide(head):
         return True
-    written = head.rstrip(b"\0")
+    written = COLOUR.sub(b"", head.rstrip(b"\0"))
     stray = len(written.translate(None, bytes(range(32, 256)) + b"\t\n\r\f"))
     if stray:  # a serial line may add some
         return b"\n" in written and written.isascii() and stray < 0.02 * len(written)

@@ -13,9 +13,8 @@ each hour, IAF 5888 words of 32 bits for each day, both in tenths, D of IMFV1 in
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -49,36 +48,16 @@ _WORDS, _HEADER, _MINUTES = 5888, 16, 1440
 """Of a day in IAF: all, those before the values, and values of an element."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Observations:
-    """The elements of an observatory (n,) by their letters, nT and minutes of arc, and when they
-    were; degrees and m of its place by their columns; what D counts from, minutes, NaN for none."""
-
-    format: str
-    station: str
-    elements: Mapping[str, Array]
-    time: NDArray[np.datetime64]
-    place: Mapping[str, float]
-    base: float = np.nan
-    definitive: bool = False
-    unseen: Iterable[str] = field(default_factory=tuple)
-
-
 def read_tables(path: Path) -> Found:
     """The columns of an observatory, its sensor called by its code; the format fixes nT."""
     data = path.read_bytes()
     if b"\0" in data[:64]:
-        seen = _read_iaf(data)
-    else:
-        text = data.decode("latin-1").replace("\r\n", "\n")
-        seen = _read_hours(text) if _HOUR.match(text) else _read_iaga(text)
-    table, notes = _table(seen)
-    about: About = {"format": seen.format, "remarks": tuple(notes)}
-    streams = tuple(Stream(name=name, rows=len(seen.time)) for name in seen.unseen)
-    return Found({seen.station: {**table, "time": seen.time}}, about, streams=streams)
+        return _read_iaf(data)
+    text = data.decode("latin-1").replace("\r\n", "\n")
+    return _read_hours(text) if _HOUR.match(text) else _read_iaga(text)
 
 
-def _read_iaf(data: bytes) -> Observations:
+def _read_iaf(data: bytes) -> Found:
     """The days of a file of IAF; one that ends in the middle of one has the days before."""
     words = np.frombuffer(data[: len(data) // (4 * _WORDS) * 4 * _WORDS], "<i4").reshape(-1, _WORDS)
     if not len(words):
@@ -90,22 +69,20 @@ def _read_iaf(data: bytes) -> Observations:
     minutes = np.arange(_MINUTES).astype("timedelta64[m]")
     code, letters = (data[at : at + 4].decode("latin-1").strip() for at in (0, 20))
     colatitude, longitude, height = (float(word) for word in words[0, 2:5])
-    elements, unseen = _name_elements([*letters, *"F"][:4], values)
-    return Observations(
+    return _find(
         format="INTERMAGNET IAF",
         station=code or "mag",
-        elements=elements,
+        elements=dict(zip([*letters, "F"], values.T, strict=False)),
         time=(starts[:, None] + minutes).ravel().astype("datetime64[ms]"),
         place={
             "latitude_deg": 90.0 - colatitude / 1e3,
             "longitude_deg": longitude / 1e3,
             "altitude_m": height,
         },
-        unseen=unseen,
     )
 
 
-def _read_hours(text: str) -> Observations:
+def _read_hours(text: str) -> Found:
     """The hours of a file of IMFV1."""
     rows: list[list[float]] = []
     minutes: list[int] = []
@@ -126,22 +103,20 @@ def _read_hours(text: str) -> Observations:
     values = np.array(rows).reshape(-1, 4)
     values[values == 999_999] = np.nan
     units = np.array([100.0 if letter == "D" else 10.0 for letter in first["elements"]])
-    elements, unseen = _name_elements([*first["elements"]], values / units)
-    return Observations(
+    return _find(
         format="INTERMAGNET IMFV1",
         station=first["station"].strip(),
-        elements=elements,
+        elements=dict(zip(first["elements"], (values / units).T, strict=True)),
         time=np.array(minutes).astype("datetime64[m]").astype("datetime64[ms]"),
         place={
             "latitude_deg": 90.0 - int(first["colatitude"]) / 10.0,
             "longitude_deg": int(first["longitude"]) / 10.0,
         },
         base=int(first["base"]) / 10.0 or np.nan,
-        unseen=unseen,
     )
 
 
-def _read_iaga(text: str) -> Observations:
+def _read_iaga(text: str) -> Found:
     """The rows of a file of IAGA-2002 that are whole."""
     header, rows = _parts(text)
     if not rows:
@@ -152,17 +127,18 @@ def _read_iaga(text: str) -> Observations:
         names = list(header.get("REPORTED", "").upper())
     if len(names) < 4:
         raise LogError("the header names no four elements such as X, Y, Z and F; fetch it again")
-    elements, unseen = _name_elements(names, _numbers([row[_VALUES] for row in rows]))
+    values = _numbers([row[_VALUES] for row in rows])
     told = {label: _number(header.get(label, "")) for label in (*_PLACES, "DECBAS")}
-    return Observations(
+    base = told["DECBAS"] / 10.0
+    if "definitive" in header.get("DATA TYPE", "").lower():
+        base = np.nan  # D counts from north
+    return _find(
         format="IAGA-2002",
         station=code.strip() or "mag",
-        elements=elements,
+        elements=dict(zip(names, values.T, strict=False)),
         time=_moments(rows),
         place={column: told[label] for label, column in _PLACES.items()},
-        base=told["DECBAS"] / 10.0,
-        definitive="definitive" in header.get("DATA TYPE", "").lower(),
-        unseen=unseen,
+        base=base,
     )
 
 
@@ -178,14 +154,6 @@ def _parts(text: str) -> tuple[dict[str, str], list[str]]:
         header.setdefault(label.upper(), value)
     rows = [line for line in lines[start + 1 :] if len(line) >= _VALUES.stop and line[4] == "-"]
     return header, rows
-
-
-def _name_elements(names: list[str], values: Array) -> tuple[dict[str, Array], list[str]]:
-    """The values of each element, and the names of those that were never observed."""
-    known = np.where(np.abs(values) >= MISSING, np.nan, values)
-    found = dict(zip(names, known.T, strict=False))
-    seen = {name: v for name, v in found.items() if np.isfinite(v).any() and name != "NUL"}
-    return seen, [name for name in found if name not in seen]
 
 
 def _number(text: str) -> float:
@@ -215,19 +183,23 @@ def _moments(rows: list[str]) -> NDArray[Any]:
         return moments
 
 
-def _table(seen: Observations) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """Field, its axes, scalar reading and place, and notes on them."""
-    elements = seen.elements
-    kind = next((k for k in (*_NORTH, *_OWN) if set(k) <= set(elements)), None)
-    if kind is None:
-        raise LogError(
-            f"the elements are {', '.join(elements) or 'none'}; a field needs X Y Z, H D Z, H E Z "
-            "or U V W"
-        )
-    field, frame, notes = _field(kind, seen)
-    reading = elements.get("F", elements.get("S"))
-    if reading is None and "G" in elements:
-        reading = np.linalg.norm(field, axis=1) - elements["G"]
+def _find(
+    *,
+    format: str,
+    station: str,
+    elements: Mapping[str, Array],
+    time: NDArray[np.datetime64],
+    place: Mapping[str, float],
+    base: float = np.nan,
+) -> Found:
+    """The table of an observatory: `elements` (n,) by their letters, nT and minutes of arc, and the
+    degrees and m of its `place` by their columns; `base` is what D counts from, minutes."""
+    known = {name: np.where(np.abs(v) < MISSING, v, np.nan) for name, v in elements.items()}
+    seen = {name: v for name, v in known.items() if np.isfinite(v).any() and name != "NUL"}
+    field, frame, notes = _find_field(seen, base)
+    reading = seen.get("F", seen.get("S"))
+    if reading is None and "G" in seen:
+        reading = np.linalg.norm(field, axis=1) - seen["G"]
         notes.append("F was restored from G, the magnitude of the vector less F")
     table: dict[str, NDArray[Any]] = {"frame": np.full(len(field), frame, dtype=object)}
     if reading is not None:
@@ -235,13 +207,21 @@ def _table(seen: Observations) -> tuple[dict[str, NDArray[Any]], list[str]]:
         table |= {} if beside is None else {"scalar_nT": beside}
         notes += said
     table |= {f"mag_{axis}_nT": field[:, k] for k, axis in enumerate("xyz")}
-    known = {column: value for column, value in seen.place.items() if abs(value) < MISSING}
-    return table | {column: np.full(len(field), value) for column, value in known.items()}, notes
+    there = {column: value for column, value in place.items() if abs(value) < MISSING}
+    table |= {column: np.full(len(field), value) for column, value in there.items()}
+    about: About = {"format": format, "remarks": tuple(notes)}
+    streams = tuple(Stream(name=name, rows=len(time)) for name in elements if name not in seen)
+    return Found({station: {**table, "time": time}}, about, streams=streams)
 
 
-def _field(kind: str, seen: Observations) -> tuple[Array, str, list[str]]:
+def _find_field(elements: Mapping[str, Array], base: float) -> tuple[Array, str, list[str]]:
     """The three components (n, 3), the letter of their axes, and notes."""
-    elements, base = seen.elements, seen.base
+    kind = next((k for k in (*_NORTH, *_OWN) if set(k) <= set(elements)), None)
+    if kind is None:
+        raise LogError(
+            f"the elements are {', '.join(elements) or 'none'}; a field needs X Y Z, H D Z, H E Z "
+            "or U V W"
+        )
     if kind in _OWN:
         names = "HEZ" if "H" in kind else "UVW"
         notes = [f"{', '.join(names)} are components in the variometer's own axes"]
@@ -251,7 +231,7 @@ def _field(kind: str, seen: Observations) -> tuple[Array, str, list[str]]:
     if kind == "XYZ":
         return np.stack([elements[name] for name in "XYZ"], axis=1), "n", []
     minutes, notes = elements["D"], ["H and D were made north and east"]
-    if not seen.definitive and np.isfinite(base):
+    if np.isfinite(base):
         minutes = minutes + base
         notes.append(f"D counts from DECBAS, {base / 60:.3f}°")
     angle = 2 * np.pi * minutes / 21_600.0

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from agonic.logs.formats import HEAD_BYTES, decode_marked, is_wide
+from agonic.logs.formats import COLOUR, HEAD_BYTES, decode_marked, is_wide
 from agonic.logs.log import TORN
 
 Text = bytes | mmap.mmap
@@ -34,7 +34,9 @@ def load(path: Path, understood: Callable[[str], int]) -> tuple[Text, tuple[str,
         with path.open("rb") as stream:
             mapped = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
         pieces = (mapped[at : at + _LONG] for at in range(0, len(mapped), _LONG))
-        plain = (p.isascii() and b"\r" not in p and b"\0" not in p for p in pieces)
+        plain = (
+            p.isascii() and not any(sign in p for sign in (b"\r", b"\0", b"\x1b")) for p in pieces
+        )
         if mapped[-1:] == b"\n" and all(plain):
             return mapped, ()
     return normalise(path.read_bytes(), understood)
@@ -57,6 +59,8 @@ def normalise(data: bytes, understood: Callable[[str], int]) -> tuple[bytes, tup
             notes = (f"some bytes are not UTF-8: read as {_ENCODINGS[best]}",)
             data = data.decode(best, "replace").encode()
         data = data.replace(_MINUS, b"-")
+    if b"\x1b[" in data:
+        data = COLOUR.sub(b"", data)
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not data.endswith(b"\n") and (whole := _find_torn(data)) < len(data):
