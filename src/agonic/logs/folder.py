@@ -13,22 +13,14 @@ from zipfile import BadZipFile, ZipFile
 
 from agonic.errors import LogError
 from agonic.logs.contents import MOST_PARTS, check_declared
-from agonic.logs.formats import (
-    ARROW,
-    FOLDER,
-    JSON,
-    KINDS,
-    MATLAB,
-    PARQUET,
-    TEXT,
-    WORKBOOK,
-    format_of,
-    read_head,
-)
+from agonic.logs.formats import FOLDER, KINDS, format_of, read_head
 from agonic.logs.groups import INERTIAL, build_groups_log, name_axes, read_file
 from agonic.logs.headers.columns import identify_columns
 from agonic.logs.log import Log, Table
 from agonic.provenance import Input
+
+_TABLES = ("text.", "arrays.", "parquet", "workbook")
+"""Modules of what may hold one sensor of several; other files are recordings of their own."""
 
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
@@ -61,7 +53,7 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     for file in files:
         try:
             kind = format_of(read_head(file))
-            if kind not in (TEXT, JSON, MATLAB, PARQUET, ARROW, WORKBOOK):
+            if not kind.module.startswith(_TABLES):
                 raise LogError(f"{kind.name} are recordings of their own")
             for part, table in kind.reader.read_tables(file).tables.items():
                 named = name_axes(table, file.stem, alone=len(files) == 1)

@@ -107,7 +107,8 @@ def _read_arrays(lines: Lines) -> Found | None:
 
 def _read_dialect(lines: Lines) -> Found | None:
     """Rows whose layout is documented, or stated in the first lines, or named for sensors."""
-    dialect = dialects.find_dialect(lines.head, lines.rows or lines.head)
+    rows = lines.rows or lines.head
+    dialect = next((one for one in dialects.list_dialects() if one.fits(lines.head, rows)), None)
     if dialect is None and _most(lines.rows, _TAGGED.match):
         dialect = dialects.find_stated_dialect(lines.head)
     return dialects.read_dialect(dialect, lines.whole) if dialect else None

@@ -116,11 +116,6 @@ def list_dialects() -> tuple[Dialect, ...]:
     return tuple(found)
 
 
-def find_dialect(head: Sequence[str], rows: Sequence[str]) -> Dialect | None:
-    """The dialect of a text by its first lines, and by those of them that hold values."""
-    return next((dialect for dialect in list_dialects() if dialect.fits(head, rows)), None)
-
-
 _STATED = re.compile(r"[#%]\W*(?:[^'\"]*['\"])?([A-Za-z]\w+)([,;])([^'\"]*)")
 
 
