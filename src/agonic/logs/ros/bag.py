@@ -17,7 +17,7 @@ from functools import cache
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -77,37 +77,26 @@ Row = dict[str, float]
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
-class Field(NamedTuple):
-    """Columns of a message: their names, what gets their values, all at once or of each item of a
-    list, their sign, and what gets the covariance that says whether there are any."""
-
-    names: tuple[str, ...]
-    get: Callable[[Any], Any]
-    item: Callable[[Any], Any] | None = None
-    sign: float = 1.0
-    covariance: Callable[[Any], Any] | None = None
+Getter = Callable[[Any], Any]
+Field = tuple[tuple[str, ...], Getter, Getter | None, float, Getter | None]
+"""Names of columns, what gets their values, all at once or of each item of a list, their sign, and
+what gets the covariance that says whether there are any."""
 
 
 @cache
 def parse_fields(columns: str) -> tuple[Field, ...]:
     """The fields that a row of the table of dialects writes."""
-    fields = []
+    fields: list[Field] = []
     for column in columns.split():
         name, _, path = column.partition("=")
         stem, several, inner = path.lstrip("?-").partition("[]")
-        of_item = attrgetter(inner.lstrip(".")) if inner else float
         axes = "xyz" if "*" in name else "*"
-        fields.append(
-            Field(
-                names=tuple(name.replace("*", axis) for axis in axes),
-                get=attrgetter(*(stem.replace("*", axis) for axis in axes)),
-                item=of_item if several else None,
-                sign=-1.0 if path[0] == "-" else 1.0,
-                covariance=attrgetter(f"{stem.partition('.')[0]}_covariance")
-                if path[0] == "?"
-                else None,
-            )
-        )
+        names = tuple(name.replace("*", axis) for axis in axes)
+        get = attrgetter(*(stem.replace("*", axis) for axis in axes))
+        item: Getter | None = attrgetter(inner.lstrip(".")) if inner else float
+        sign = -1.0 if path[0] == "-" else 1.0
+        known = attrgetter(f"{stem.partition('.')[0]}_covariance") if path[0] == "?" else None
+        fields.append((names, get, item if several else None, sign, known))
     return tuple(fields)
 
 

@@ -44,8 +44,6 @@ _HOUR = re.compile(
     r"(?P<kind>[A-Z]) \w{3} (?P<colatitude>\d{4})(?P<longitude>\d{4}) (?P<base>\d{6}) "
 )
 """What stands above the values of an hour in IMFV1."""
-_WORDS, _HEADER, _MINUTES = 5888, 16, 1440
-"""Of a day in IAF: all, those before the values, and values of an element."""
 
 
 def read_tables(path: Path) -> Found:
@@ -59,16 +57,16 @@ def read_tables(path: Path) -> Found:
 
 def _read_iaf(data: bytes) -> Found:
     """The days of a file of IAF; one that ends in the middle of one has the days before."""
-    words = np.frombuffer(data[: len(data) // (4 * _WORDS) * 4 * _WORDS], "<i4").reshape(-1, _WORDS)
+    day = np.dtype([("head", "<i4", 16), ("values", "<i4", (4, 24 * 60)), ("rest", "<i4", 112)])
+    words = np.frombuffer(data[: len(data) // day.itemsize * day.itemsize], day)
     if not len(words):
         raise LogError("there is no whole day in it; fetch the file again")
-    values = words[:, _HEADER : _HEADER + 4 * _MINUTES].reshape(-1, 4, _MINUTES)
-    values = np.moveaxis(values, 1, 2).reshape(-1, 4) / 10.0
-    years, days = np.divmod(words[:, 1].astype(np.int64), 1000)
+    values = np.moveaxis(words["values"], 1, 2).reshape(-1, 4) / 10.0
+    years, days = np.divmod(words["head"][:, 1].astype(np.int64), 1000)
     starts = (years - 1970).astype("datetime64[Y]").astype("datetime64[D]") + (days - 1)
-    minutes = np.arange(_MINUTES).astype("timedelta64[m]")
+    minutes = np.arange(24 * 60).astype("timedelta64[m]")
     code, letters = (data[at : at + 4].decode("latin-1").strip() for at in (0, 20))
-    colatitude, longitude, height = (float(word) for word in words[0, 2:5])
+    colatitude, longitude, height = words["head"][0, 2:5].astype(float)
     return _find(
         format="INTERMAGNET IAF",
         station=code or "mag",

@@ -116,17 +116,16 @@ class Channels(NamedTuple):
     def read(self, header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[Record]:
         """The values by channel, a record for each time."""
         last = max(at for at in self if at is not None)
-        whole = (row for row in rows if len(row) > last)
-        clock = "" if self.time is None else header[self.time]
         readings = (
             (
                 "" if self.time is None else row[self.time],
                 name_unit(row[self.name], "" if self.unit is None else row[self.unit]),
                 row[self.value],
             )
-            for row in whole
+            for row in rows
+            if len(row) > last
         )
-        return gather_channels(readings, clock)
+        return gather_channels(readings, "" if self.time is None else header[self.time])
 
 
 def name_unit(name: str, unit: str) -> str:
