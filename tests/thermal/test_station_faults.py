@@ -158,10 +158,13 @@ def test_a_large_step_within_a_station_is_named_in_it() -> None:
     assert over_stated < 2.5
 
 
-@pytest.mark.parametrize("seed", [200, 202, 204, 205])
-def test_ageing_is_not_taken_for_a_field_that_changes_for_long(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("size", "seed"),
+    [(100.0, 200), (100.0, 202), (100.0, 204), (100.0, 205), (200.0, 200), (300.0, 200)],
+)
+def test_ageing_is_not_taken_for_a_field_that_changes_for_long(size: float, seed: int) -> None:
     """By the magnitude alone it was, good and more than five standard errors off."""
-    fit, over_stated = fit_spoilt("ageing", 100.0, seed, "unknown", 0.0)
+    fit, over_stated = fit_spoilt("ageing", size, seed, "unknown", 0.0)
     assert "ageing" in {one.name for one in fit.findings}
     assert over_stated < WRONG
 
@@ -174,6 +177,14 @@ def test_a_step_that_turns_known_poorly_do_not_show_is_spoken_of() -> None:
         fit = fit_thermal(made.samples, KNOWN, stations="known", **QUICK)
         assert fit.ok
         assert (said in fit.status.lower()) is spoken
+
+
+@pytest.mark.parametrize("seed", [200, 201, 203])
+def test_a_step_that_shows_with_turns_known_poorly_is_no_field_that_differs(seed: int) -> None:
+    """It was, good and nine to eleven standard errors off: both explain the readings as well."""
+    fit, over_stated = fit_spoilt("step", 1000.0, seed, "known", 1.0)
+    assert "stations differ" in {one.name for one in fit.findings}
+    assert over_stated < 8.0
 
 
 def test_stations_without_times_and_one_coefficient_are_fitted() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from agonic.health import Finding, figure
+from agonic.model.average import EVIDENCE
 from agonic.thermal.campaign.description import Told
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
@@ -18,12 +19,11 @@ from agonic.thermal.maths.station_faults import (
     STEP,
     THERMOMETER,
     UNSETTLED,
+    WALK,
     Fault,
 )
 
 _HOUR = 3600.0
-_DIFFERENT = 10.0
-"""Twice the logarithm of the likelihood by which stations must differ: by chance once in 1000."""
 
 
 def judge_faults(result: Solution, readings: ChamberReadings) -> list[Finding]:
@@ -47,7 +47,7 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
     Nine numbers and a step have as many unknowns as there are twelve stations.
     """
     slow = result.estimate.slow
-    if result.problem.turns_known or slow.kind != STEADY or slow.gain < _DIFFERENT:
+    if result.problem.turns_known or slow.kind != STEADY or slow.gain < 2 * EVIDENCE:
         return []
     amount = figure(slow.sd * (readings.scale.magnitude or readings.scale.size))
     return [
@@ -91,6 +91,13 @@ TOLD: Mapping[str, Told] = {
         "settling",
         "the bias began {amount} off and settled over {hours}; the calibration is corrected for it",
         "let the sensor settle before the first station, or leave the first stations out",
+    ),
+    WALK: Told(
+        "stations differ",
+        "the bias, or the field, seems to differ from station to station, by {amount} in all: with "
+        "turns known no better a sensor that was knocked looks like a field that changed, and most "
+        "of it does not show; the standard error contains what that may be",
+        "record the first station again at the end, and keep iron away from the chamber",
     ),
     THERMOMETER: Told(
         "odd temperature",

@@ -24,7 +24,7 @@ from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.model.average import EVIDENCE, Base, Group, Prior, choose, mix, price, rate, solve
 from agonic.model.terms.time import TIME
 from agonic.thermal.maths import gaussian_process
-from agonic.thermal.maths.estimate import IMPLAUSIBLE, LIKELY, OUTLIER, RARE, StationEstimate
+from agonic.thermal.maths.estimate import AGED, IMPLAUSIBLE, LIKELY, OUTLIER, RARE, StationEstimate
 from agonic.thermal.maths.gaussian_process import STEADY, GaussianProcess, Kind, StationSpaces
 from agonic.thermal.maths.prior import make_prior
 from agonic.thermal.maths.station_residuals import (
@@ -42,8 +42,8 @@ or the bias of a sensor that is handled."""
 _BOUND = float((3.0 / chdtri(3, 0.95)) ** 0.5)
 """A standard deviation that three numbers tell is below 2.9 times theirs with 95 %."""
 ODD, STEP, SETTLING, AGEING = "odd", "step", "settling", "ageing"
-THERMOMETER, UNSETTLED = "thermometer", "unsettled"
-OF_TEMPERATURE, OF_ALL = (THERMOMETER, UNSETTLED), (STEP, SETTLING, AGEING)
+THERMOMETER, UNSETTLED, WALK = "thermometer", "unsettled", "walk"
+OF_TEMPERATURE, OF_ALL = (THERMOMETER, UNSETTLED), (STEP, SETTLING, AGEING, WALK)
 """Faults of the temperature, where the others are of the bias; and those not of one station."""
 SMOOTH: Kind = ("smooth", 0.7)
 """Slow changes of the field, where the estimate has none of their own."""
@@ -66,8 +66,12 @@ LARGEST = 15.0
 """Of a fault, over its scale: 0.03 of the field, or 4.5 °C of 60."""
 
 
+Way = tuple[float, dict[int, float]]
+"""Terms by their sizes, and how likely they are."""
+
+
 class Candidate(NamedTuple):
-    """A fault to look for: `weight` (m,) of it at each mean.
+    """A fault to look for: `weight` (m,) of it at each mean, or (m, s) of each of its steps.
 
     `station` is the odd one, or that in which or before which a step came; `time` the first time
     (s) with the fault; of a bias that settles, its time constant.
@@ -106,9 +110,12 @@ def measure_shown_change(estimate: StationEstimate) -> float:
     return _BOUND * slow.sd if estimate.poses is None and slow.kind == STEADY else 0.0
 
 
-def list_candidates(problem: StationProblem, time: Array) -> Iterator[Candidate]:
+def list_candidates(
+    problem: StationProblem, time: Array, walks: bool = False
+) -> Iterator[Candidate]:
     """Odd stations, thermometers that are off, and, where times are known, temperatures that had
-    not settled, steps between stations and in the middle of each, and biases that age or settle.
+    not settled, steps between stations and in the middle of each, biases that age or settle, and
+    one that `walks` from each station to the next.
     """
     stations = range(problem.stations) if problem.stations > 1 else ()
     for k in stations:
@@ -130,6 +137,9 @@ def list_candidates(problem: StationProblem, time: Array) -> Iterator[Candidate]
             yield Candidate(STEP, np.where(time >= moment, 0.5, -0.5), k, moment)
     since = (time - time.min()) / float(np.ptp(time))
     yield Candidate(AGEING, since - 0.5, order[-1])
+    if walks:
+        later = np.column_stack([time >= first[k] for k in order[1:]])
+        yield Candidate(WALK, np.where(later, 0.5, -0.5), order[-1])
     for share in DECAYS:
         yield Candidate(SETTLING, np.exp(-since / share), order[0], share * float(np.ptp(time)))
 
@@ -164,7 +174,9 @@ class _Linear(NamedTuple):
         by = self.jacobian[:, [0, p, 2 * p]]
         if candidate.kind in OF_TEMPERATURE:
             by = self.by_temperature[:, None]
-        return np.asarray(by * np.resize(candidate.weight, len(by))[:, None])
+        weight = candidate.weight.reshape(len(candidate.weight), -1)
+        weight = np.resize(weight, (len(by), weight.shape[1]))
+        return np.asarray((weight[:, :, None] * by[:, None]).reshape(len(by), -1))
 
 
 def _linearise(
@@ -293,7 +305,8 @@ def _list_terms(fit: _Linear, time: Array, candidates: Sequence[Candidate], left
             at += int(kept.sum())
     for one, columns in zip(candidates, own, strict=True):
         scale = WARM if one.kind in OF_TEMPERATURE else TIME[0].scale
-        groups.append(Group(one.kind, at + np.arange(columns.shape[1]), scale, ODDS, LARGEST))
+        odds = RARE if one.kind == WALK else ODDS
+        groups.append(Group(one.kind, at + np.arange(columns.shape[1]), scale, odds, LARGEST))
         at += columns.shape[1]
     curves = np.hstack(roots)
     inner, across, before = dense.T @ dense, curves.T @ spread, slice(first)
@@ -344,16 +357,39 @@ def find_faults(
     """
     left_out = _find_stations_left_out(problem, estimate) if look else ()
     fit = _linearise(problem, estimate, left_out)
+    told = estimate.poses is not None and estimate.fixture_sd < estimate.slow.sd
+    walks = problem.turns_known and not told
     candidates = [
         one
-        for one in (list_candidates(problem, time) if look else ())
+        for one in (list_candidates(problem, time, walks) if look else ())
         if one.kind in OF_ALL or one.station not in left_out
     ]
     terms = _list_terms(fit, time, candidates, fit.left)
-    look = look and bool(terms.groups)
     ways, variance = [(0.0, fit.slow)], 1.0
-    for turn in range(_ROUNDS if look else 0):
-        if turn:  # until it is found a fault is scatter, and memory
+    if look and terms.groups:
+        terms, ways, variance = _find_ways(fit, terms, estimate, time)
+    gram = terms.gram / variance
+    unseen = _allow_for_changes(fit, terms, gram, changes, problem.layout.shape[1])
+    each = [(likely, _conclude(fit, terms, gram, estimate, there)) for likely, there in ways]
+    made = [(likely, *one) for likely, one in each if one is not None]
+    if not any(found for _, found, *_ in made):
+        return Faults((), estimate.coefficients, estimate.covariance, unseen, left_out)
+    likelies, named, means, spreads = zip(*made, strict=True)
+    chances = np.exp(np.array(likelies) - max(likelies))
+    chances /= chances.sum()
+    found = next((one for one, p in zip(named, chances, strict=True) if one and p > 0.05), ())
+    averaged = mix(chances, np.stack(means), np.stack(spreads))
+    return Faults(found, *averaged, unseen, left_out)
+
+
+def _find_ways(
+    fit: _Linear, terms: _Terms, estimate: StationEstimate, time: Array
+) -> tuple[_Terms, list[Way], float]:
+    """The ways to explain the residuals, the likeliest first, by terms with steps at moments near
+    those that were found, and the variance of what is left."""
+    problem, ways, variance = fit.problem, list[Way](), 1.0
+    for _ in range(_ROUNDS):
+        if ways:  # until it is found a fault is scatter, and memory
             there = ways[0][1]
             left, variance = _bound_outliers(fit, terms, there, time)
             if not terms.select_faults(there):
@@ -363,31 +399,26 @@ def find_faults(
             terms = terms.explain(left, fit.spaces)
             if near:
                 terms = _list_terms(fit, time, [*near, *terms.candidates], left)
-        ways, tested = [], _leave_offsets(fit, terms, variance)
-        odds, sizes = rate(tested, solve(tested, fit.prior, terms.groups, {}), terms.groups)
-        odds[: len(terms.groups) - len(terms.candidates)] = -np.inf
-        best = int(np.argmax(odds))
-        fault = {best: float(sizes[best])} if odds[best] > EVIDENCE else {}
-        for start in ({}, fit.slow, fault):  # slow changes hide faults, and faults slow changes
+        tested, ways = _leave_offsets(fit, terms, variance), []
+        for start in _list_starts(fit, terms, tested):
             there, base = choose(tested, fit.prior, terms.groups, start)
             likely = base.evidence + price(terms.groups, there)
             there = terms.keep_apart(there, 0.5 * float(np.ptp(time)) / problem.stations)
             ways.append((likely, {**there, **({} if problem.turns_known else fit.slow)}))
         ways.sort(key=lambda way: -way[0])
         ways = [way for k, way in enumerate(ways) if way[1] not in [w for _, w in ways[:k]]]
-    if look and not (problem.turns_known or len(estimate.ageing)) and fit.slow:
+    if not (problem.turns_known or len(estimate.ageing)) and fit.slow:
         ways += [(ways[0][0] + more, way) for more, way in _weigh_ageing(fit, terms, variance)]
-    gram = terms.gram / variance
-    unseen = _allow_for_changes(fit, terms, gram, changes, problem.layout.shape[1])
-    made = [_conclude(fit, terms, gram, estimate, there) for _, there in ways]
-    if not any(each for each, *_ in made):
-        return Faults((), estimate.coefficients, estimate.covariance, unseen, left_out)
-    chances = np.exp([likely - ways[0][0] for likely, _ in ways])
-    chances /= chances.sum()
-    found = next((one[0] for one, p in zip(made, chances, strict=True) if one[0] and p > 0.05), ())
-    means, spreads = np.stack([one[1] for one in made]), np.stack([one[2] for one in made])
-    averaged = mix(chances, means, spreads)
-    return Faults(found, *averaged, unseen, left_out)
+    return terms, ways, variance
+
+
+def _list_starts(fit: _Linear, terms: _Terms, gram: Array) -> list[dict[int, float]]:
+    """From where terms are chosen: slow changes hide faults, and faults slow changes."""
+    odds, sizes = rate(gram, solve(gram, fit.prior, terms.groups, {}), terms.groups)
+    odds[: len(terms.groups) - len(terms.candidates)] = -np.inf
+    walking = [i for i, one in enumerate(terms.groups) if one.name == WALK]
+    likeliest = {int(np.argmax(odds)), *walking}
+    return [{}, fit.slow, *({i: float(sizes[i])} for i in likeliest if odds[i] > EVIDENCE)]
 
 
 def _find_stations_left_out(problem: StationProblem, estimate: StationEstimate) -> tuple[int, ...]:
@@ -413,15 +444,14 @@ def _weigh_ageing(
     ages = len(groups) - 1
     if groups[ages].name != AGEING:
         return []
-    groups[ages] = groups[ages]._replace(odds=RARE)
-    ways = dict[bool, tuple[float, dict[int, float]]]()
-    for start in ({}, fit.slow, {ages: groups[ages].scale}):
-        there, base = choose(terms.gram / variance, fit.prior, groups, start)
-        likely = base.evidence + price(groups, there)
-        aged = ages in there
-        if aged not in ways or likely > ways[aged][0]:
-            ways[aged] = likely, {few[i]: size for i, size in there.items()}
-    return [(ways[True][0] - ways[False][0], ways[True][1])] if len(ways) == 2 else []
+    groups[ages] = groups[ages]._replace(odds=AGED)
+    gram, likely, aged = terms.gram / variance, list[float](), dict[int, float]()
+    for among, start in ((groups[:ages], fit.slow), (groups, {ages: groups[ages].scale})):
+        aged, base = choose(gram, fit.prior, among, start)
+        likely.append(base.evidence + price(groups, aged))
+    if ages not in aged:
+        return []
+    return [(likely[1] - likely[0], {few[i]: size for i, size in aged.items()})]
 
 
 def _leave_offsets(fit: _Linear, terms: _Terms, variance: float) -> Array:
@@ -457,14 +487,16 @@ def _allow_for_changes(
 
 def _conclude(
     fit: _Linear, terms: _Terms, gram: Array, estimate: StationEstimate, there: Mapping[int, float]
-) -> tuple[tuple[Fault, ...], Array, Array]:
+) -> tuple[tuple[Fault, ...], Array, Array] | None:
     """The faults among terms, coefficients (a,) beside them, and their covariance: a sensor is on
-    either side of a step, or at the end of its ageing, half of it from the middle."""
+    either side of a step, or at the end of its ageing, half of it from the middle. None where all
+    are larger than any sensor has."""
     base = solve(gram, fit.prior, terms.groups, there)
     every = _place(base, len(gram))
     if too_large := terms.select_faults(there, every):  # they stand in for something else
         left = {i: size for i, size in there.items() if i not in too_large}
-        return _conclude(fit, terms, gram, estimate, left)
+        whole = terms.select_faults(left)
+        return _conclude(fit, terms, gram, estimate, left) if whole else None
     found = tuple(
         Fault(one, every[terms.groups[i].columns]) for i in there if (one := terms.find(i))
     )
@@ -472,11 +504,14 @@ def _conclude(
         return (), estimate.coefficients, estimate.covariance
     a, constant = fit.problem.layout.shape[1], (fit.problem.degree + 1) * np.arange(3)
     covariance = base.inverse[:a, :a].copy()
-    halves = [one.size / 2 for one in found if one.candidate.kind in (STEP, AGEING)]
+    halves = list[Array]()
     for i in there:  # and half of what is not known of their sizes
-        if (one := terms.find(i)) is not None and one.kind in (STEP, AGEING):
-            own = np.flatnonzero(np.isin(base.columns, terms.groups[i].columns))
-            covariance[np.ix_(constant, constant)] += base.inverse[np.ix_(own, own)] / 4
+        if (one := terms.find(i)) is not None and one.kind in (STEP, AGEING, WALK):
+            of = terms.groups[i].columns
+            own = np.flatnonzero(np.isin(base.columns, of))
+            spread = base.inverse[np.ix_(own, own)].reshape(len(own) // 3, 3, -1, 3)
+            covariance[np.ix_(constant, constant)] += spread.sum(axis=(0, 2)) / 4
+            halves.append(every[of].reshape(-1, 3).sum(axis=0) / 2)
     if len(estimate.ageing):
         first = a + len(estimate.drift)
         halves.append((estimate.ageing + every[first : first + 3]) / 2)
