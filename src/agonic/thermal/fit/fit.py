@@ -32,7 +32,7 @@ from agonic.thermal.fit.solve import Solution, solve
 from agonic.thermal.fit.station_faults import judge_faults
 from agonic.thermal.maths.binned_sums import Binned
 from agonic.thermal.maths.estimate import UNREST
-from agonic.thermal.maths.station_faults import PLAUSIBLE
+from agonic.thermal.maths.fault_terms import PLAUSIBLE
 from agonic.thermal.maths.stations import measure_turns
 
 METHOD = ("nikolaev-2023", "huber-1981")

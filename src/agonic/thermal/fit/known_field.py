@@ -46,19 +46,14 @@ _FLAT = 0.05  # of the field: components that vary by less leave gains open
 def fit_known_field(samples: Samples, reference: Reference, settings: Settings) -> ThermalFit:
     """The calibration that turns every reading into the known field."""
     field = _find_field(samples, reference)
-    level, findings = convert_to_celsius(require_temperature(samples))
-    low, high = float(level.min()), float(level.max())
-    require_range(low, high, "record over the range of use, or fit with fit_vector")
-    noisy: tuple[Finding, ...] = ()
-    if samples.time is not None:
-        calmed = smooth_thermometer(level, samples.time)
-        noisy, level = judge_thermometer([(level, calmed)]), calmed.temperature
+    level, findings = _find_level(samples)
     readings = normalise(samples, field, level, settings)
     scale = readings.scale
     problem, estimate, tests, curve = choose_model(readings, settings, samples.unit)
     calibration = _restore(estimate, readings, samples, reference, settings)
     outlier = estimate.weights == 0
-    found = [*findings, *noisy, *find_narrow_range(low, high, "record"), *_find_outliers(outlier)]
+    narrow = find_narrow_range(scale.low_C, scale.high_C, "record")
+    found = [*findings, *narrow, *_find_outliers(outlier)]
     rms = _compute_rms(calibration, samples, level, field, ~outlier)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
     unseen = rms * _compare_to_seen(estimate)
@@ -96,6 +91,17 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
         unseen_rms=unseen,
         alternatives=alternatives,
     )
+
+
+def _find_level(samples: Samples) -> tuple[Array, tuple[Finding, ...]]:
+    """Temperatures (n,) without the noise of the thermometer, and what is to be said of them."""
+    level, findings = convert_to_celsius(require_temperature(samples))
+    move = "record over the range of use, or fit with fit_vector"
+    require_range(float(level.min()), float(level.max()), move)
+    if samples.time is None:
+        return level, findings
+    calmed = smooth_thermometer(level, samples.time)
+    return calmed.temperature, (*findings, *judge_thermometer([(level, calmed)]))
 
 
 def _restore(

@@ -25,8 +25,8 @@ from agonic.thermal.maths.estimate import (
     estimate_by_magnitude,
     estimate_by_orientations,
 )
+from agonic.thermal.maths.fault_terms import PLAUSIBLE
 from agonic.thermal.maths.station_faults import (
-    PLAUSIBLE,
     Faults,
     find_faults,
     measure_shown_change,

@@ -7,12 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from agonic.health import Finding, figure
-from agonic.model.average import EVIDENCE
 from agonic.thermal.campaign.description import Told
 from agonic.thermal.fit.problem import ChamberReadings
 from agonic.thermal.fit.solve import Solution
-from agonic.thermal.maths.gaussian_process import STEADY
-from agonic.thermal.maths.station_faults import (
+from agonic.thermal.maths.fault_terms import (
     AGEING,
     ODD,
     SETTLING,
@@ -20,10 +18,13 @@ from agonic.thermal.maths.station_faults import (
     THERMOMETER,
     UNSETTLED,
     WALK,
-    Fault,
 )
+from agonic.thermal.maths.gaussian_process import STEADY
+from agonic.thermal.maths.station_faults import Fault
 
 _HOUR = 3600.0
+_DIFFERENT = 10.0
+"""Twice the logarithm of the likelihood by which stations must differ: by chance once in 1000."""
 
 
 def judge_faults(result: Solution, readings: ChamberReadings) -> list[Finding]:
@@ -47,7 +48,7 @@ def _find_differing(result: Solution, readings: ChamberReadings) -> list[Finding
     Nine numbers and a step have as many unknowns as there are twelve stations.
     """
     slow = result.estimate.slow
-    if result.problem.turns_known or slow.kind != STEADY or slow.gain < 2 * EVIDENCE:
+    if result.problem.turns_known or slow.kind != STEADY or slow.gain < _DIFFERENT:
         return []
     amount = figure(slow.sd * (readings.scale.magnitude or readings.scale.size))
     return [

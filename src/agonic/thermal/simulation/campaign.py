@@ -200,8 +200,10 @@ def simulate_campaign(
     >>> made.campaign.rows, made.campaign.sensors
     (6912, ('MMC5883MA-1', 'MMC5883MA-2'))
     """
+    facts = dict(locals())
+    del facts["sensors"], facts["faults"]
     if isinstance(sensors, ThermalPlan):
-        plan, rate_Hz = sensors, sensors.rate_Hz
+        plan = sensors
     else:
         plan = plan_thermal(
             sensors,
@@ -223,30 +225,13 @@ def simulate_campaign(
     pairs = [(sensor.name, s.number) for sensor in plan.sensors for s in plan.stations]
     knots, values = draw_field(field_rng, plan, field_sd, field_pace_s, spoilt.drift)
     noises = {s.name: _find_noise(s, noise) for s in plan.sensors}
+    facts |= {name: getattr(plan, name) for name in ("rate_Hz", "magnitude", "inclination_deg")}
     return SimulatedCampaign(
         description=_describe(plan, spoilt.swapped, noises, quantised),
         truth=MappingProxyType(_draw_truth(truth_rng, plan, drift, gain_drift, hysteresis)),
         rotations=MappingProxyType(rotations),
         faults=spoilt,
-        facts=MappingProxyType(
-            {
-                "rate_Hz": rate_Hz,
-                "magnitude": plan.magnitude,
-                "inclination_deg": plan.inclination_deg,
-                "noise": noises,
-                "drift": drift,
-                "gain_drift": gain_drift,
-                "hysteresis": hysteresis,
-                "field_sd": field_sd,
-                "field_pace_s": field_pace_s,
-                "fixture_sd_deg": fixture_sd_deg,
-                "anomalies": anomalies,
-                "quantised": quantised,
-                "lag_s": lag_s,
-                "temperature_noise_C": temperature_noise_C,
-                "seed": seed,
-            }
-        ),
+        facts=MappingProxyType(facts | {"noise": noises}),
         knots=knots,
         field_knots=values,
         seeds=MappingProxyType(dict(zip(pairs, made.spawn(len(pairs)), strict=True))),
