@@ -51,10 +51,9 @@ def fit_known_field(samples: Samples, reference: Reference, settings: Settings) 
     scale = readings.scale
     problem, estimate, tests, curve = choose_model(readings, settings, samples.unit)
     calibration = _restore(estimate, readings, samples, reference, settings)
-    outlier = estimate.weights == 0
-    narrow = find_narrow_range(scale.low_C, scale.high_C, "record")
-    found = [*findings, *narrow, *_find_outliers(outlier)]
-    rms = _compute_rms(calibration, samples, level, field, ~outlier)
+    kept = estimate.weights > 0
+    found = [*findings, *_find_outliers(~kept)]
+    rms = _compute_rms(calibration, samples, level, field, kept)
     before = float(np.sqrt(np.mean((samples.field - field) ** 2)))
     unseen = rms * _compare_to_seen(estimate)
     ratios = compare_alternatives(problem, estimate.fitted, estimate.weights, readings.x)
@@ -98,6 +97,7 @@ def _find_level(samples: Samples) -> tuple[Array, tuple[Finding, ...]]:
     level, findings = convert_to_celsius(require_temperature(samples))
     move = "record over the range of use, or fit with fit_vector"
     require_range(float(level.min()), float(level.max()), move)
+    findings += tuple(find_narrow_range(float(level.min()), float(level.max()), "record"))
     if samples.time is None:
         return level, findings
     calmed = smooth_thermometer(level, samples.time)

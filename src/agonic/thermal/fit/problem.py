@@ -229,13 +229,7 @@ def _find_magnitude(reference: Reference | None) -> tuple[float | None, float]:
 
 
 def make_problem(
-    readings: ChamberReadings,
-    degree: int,
-    *,
-    rate: bool,
-    drift: bool,
-    sure: bool,
-    soft_iron_sd: float,
+    readings: ChamberReadings, degree: int, settings: Settings, *, rate: bool, drift: bool
 ) -> StationProblem:
     """The problem of the solver, without orientations of the stations."""
     cells, scale = readings.cells, readings.scale
@@ -252,9 +246,9 @@ def make_problem(
         phi=phi,
         station=readings.station,
         pace=pace if drift else None,
-        drifting=sure,
+        drifting=settings.drift is True,
         degree=degree,
         rate=rate,
-        soft_iron_sd=soft_iron_sd,
+        soft_iron_sd=settings.soft_iron_sd,
         course=make_time_basis(clock, readings.station) if timed else None,
     )

@@ -95,14 +95,7 @@ def solve(readings: ChamberReadings, settings: Settings) -> Solution:
     rate = settings.rate is not False and _changes_both_ways(readings)
 
     def estimate_first(degree: int) -> tuple[StationProblem, StationEstimate]:
-        problem = make_problem(
-            readings,
-            degree,
-            rate=rate,
-            drift=drift,
-            sure=settings.drift is True,
-            soft_iron_sd=settings.soft_iron_sd,
-        )
+        problem = make_problem(readings, degree, settings, rate=rate, drift=drift)
         return problem, estimate_by_magnitude(problem, find_start(problem))
 
     problem, first = estimate_first(3 if settings.degree == "auto" else settings.degree)

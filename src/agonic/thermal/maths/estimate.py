@@ -110,18 +110,7 @@ def _iterate(
     kinds: tuple[gaussian_process.Kind, ...] = gaussian_process.KINDS,
 ) -> StationEstimate:
     """Solve, renew weights, directions, slow changes, excess and prior, until nothing changes."""
-    axes = 1 if poses is None else 3
-    none = np.zeros((len(problem.points), axes))
-    state = State(
-        start,
-        np.zeros(problem.clock.shape[1] * (axes if problem.turns_known else 1)),
-        np.zeros(0),
-        poses,
-        _FIRST_EXCESS,
-        problem.fixture_sd,
-        gaussian_process.GaussianProcess(),
-        none,
-    )
+    state = _start(problem, start, poses)
     loss, correlation, iterations, taken = squares(), 1.0, 0, 0.0
     for turn in range(_ROUNDS):
         solution = leastsq.solve(
@@ -160,6 +149,21 @@ def _iterate(
                 break
             state = state._replace(ageing=np.zeros(3))  # not before slow changes have theirs
     return _summarise(problem, state, solution, loss, correlation, iterations)
+
+
+def _start(problem: StationProblem, coefficients: Array, poses: Poses | None) -> State:
+    """The state before the first solution: nothing changed with time."""
+    axes = 1 if poses is None else 3
+    return State(
+        coefficients,
+        drift=np.zeros(problem.clock.shape[1] * (axes if problem.turns_known else 1)),
+        ageing=np.zeros(0),
+        poses=poses,
+        excess=_FIRST_EXCESS,
+        fixture_sd=problem.fixture_sd,
+        slow=gaussian_process.GaussianProcess(),
+        followed=np.zeros((len(problem.points), axes)),
+    )
 
 
 def _resemble_ageing(state: State) -> bool:
