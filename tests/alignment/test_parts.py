@@ -98,10 +98,10 @@ def test_the_earths_rotation_is_that_of_the_table() -> None:
 
 
 def test_figures_have_what_they_show() -> None:
-    drawn = draw_residuals(np.array([[1.0, -2.0, 0.5]]), np.ones((1, 3)), np.array([7]))
+    drawn = draw_residuals(np.array([[1.0, -2.0, 0.5]]), np.ones((1, 3)), np.array([7])).to_html()
     assert drawn.count('class="bar-') == 3
     assert "residual, nT" in drawn
-    assert draw_settings(np.array([1.0, -2.0]), "nT").count('class="bar-x"') == 1
+    assert draw_settings(np.array([1.0, -2.0]), "nT").to_html().count('class="bar-x"') == 1
     dome = draw_dome(np.array([[0.0, 0.0, -1.0]]), np.array([7]), np.array([1.0]))
     assert dome.count("<circle") == 4
     assert 'cx="160.0"' in dome

@@ -169,10 +169,12 @@ def test_a_thermal_calibration_is_drawn_over_its_temperatures() -> None:
         centre_C=20.0,
         half_range_C=30.0,
     )
-    left, right = warm.plot().axes
-    line = left.lines[0]
-    assert np.array_equal(line.get_ydata(), warm.bias_at(line.get_xdata())[:, 0])
-    assert len(right.lines) == 3
+    panels = warm.plot().axes
+    assert [one.get_ylabel() for one in panels[:2]] == ["bias x, nT", "bias y, nT"]
+    assert len(panels) == 9
+    for k, panel in enumerate(panels[:3]):
+        (line,) = panel.lines
+        assert np.array_equal(line.get_ydata(), warm.bias_at(line.get_xdata())[:, k])
 
 
 def test_what_has_no_figure_says_what_has() -> None:

@@ -22,8 +22,13 @@ def found() -> ag.Heading:
 def test_the_page_draws_heading_error_strength_and_dip(found: ag.Heading) -> None:
     field = MADE.truth.correct(MADE.samples.field)
     page = describe_headings(found, MADE.samples, field=field).to_html()
-    for name in ("True heading", "Standard error", "Strength of the field", "Dip of the field"):
-        assert f"{name} of the heading over time" in page or f"{name} over time" in page
+    for name in (
+        "Heading: true heading, °",
+        "Standard error: standard error, °",
+        "Strength of the field: strength, nT",
+        "Dip of the field: dip, °",
+    ):
+        assert f"{name} over time since the first reading" in page
     assert "NaN" not in page
     assert "nan" not in page.split("</style>")[1].lower().replace("nanotesla", "").replace(
         "provenance", ""

@@ -168,7 +168,7 @@ def drifting(samples, ground):
 
 def test_the_band_of_the_bias_is_two_standard_errors(drifting, samples) -> None:
     page = describe_inflight(drifting, samples).to_html()
-    svg = page[page.index("Bias along x over time") :]
+    svg = page[page.index("Bias along x, y and z, nT: x, nT over") :]
     path = re.search(r'd="([^"]+)" class="band"', svg)[1]
     band = np.array(re.findall(r"([\d.]+) (\d+)", path), dtype=float)
     first = band[band[:, 0] == band[:, 0].min(), 1]
@@ -297,7 +297,7 @@ def test_the_tracker_shows_its_jump_and_its_predictions(tracked) -> None:
     assert "rms, before each was used" in said
     assert "all of them are held out" in said
     (jump,) = tracker.jumps
-    svg = page[page.index("Bias along x over time") :]
+    svg = page[page.index("Bias along x, y and z, nT: x, nT over") :]
     at = float(re.search(r'd="M([\d.]+) 0V1000" class="jump"', svg)[1])
     history = tracker.history[:, 0]
     assert at == pytest.approx(1000 * (jump.time - history[0]) / (log.time[-1] - history[0]), abs=2)

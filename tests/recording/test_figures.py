@@ -7,11 +7,27 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.recording.figures import draw_headings, draw_histogram, draw_magnitude, draw_strip
+from agonic.recording import figures
 from agonic.recording.quantities import compute_residuals
 from agonic.report.axes import Axis, along_rows
 from agonic.simulation import simulate
 from tests.recording.handmade import samples_of, tumble
+
+
+def draw(shown) -> str:
+    return "".join(one if isinstance(one, str) else one.to_html() for one in shown)
+
+
+def draw_strip(result, residuals) -> str:
+    return draw([figures.draw_strip(result, residuals, "Residuals", "± noise")])
+
+
+def draw_histogram(residuals) -> str:
+    return draw([figures.draw_histogram(residuals)])
+
+
+def draw_magnitude(result) -> str:
+    return draw([figures.draw_magnitude(result)])
 
 
 def path(svg: str, name: str) -> np.ndarray:
@@ -134,14 +150,14 @@ def test_readings_in_another_unit_have_an_axis_of_their_own(good):
         verification=replace(good.verification, magnitude_before=before),
     )
     drawn = draw_magnitude(result)
-    assert re.findall(r"magnitude, ([^<]+)<", drawn) == ["raw units", "nT"]
+    assert re.findall(r">magnitude, ([^<]+)<", drawn) == ["raw units", "nT"]
     spread = np.ptp(path(drawn, "before")[:, 1])
     assert spread > 500  # of a thousand: the strip is used
 
 
 def test_the_heading_is_shown_before_and_after_and_by_each_fit(good):
     made = ag.calibrate(simulate("hand", n=800, seed=3).samples, 50_000)
-    drawn = "".join(draw_headings(made))
+    drawn = draw(figures.draw_headings(made))
     before, *others = (np.array(one.errors_deg) for one in made.ladder)
     assert len(before) == 36
     assert np.sqrt(np.mean(before**2)) == pytest.approx(made.ladder[0].heading_error_deg, rel=0.02)

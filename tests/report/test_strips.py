@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from agonic.report.axes import Axis, Columns
-from agonic.report.strips import arrows, beyond_words, line, robust_limit, spread
+from agonic.report.figure import beyond_words, draw, draw_arrows, robust_limit
+from agonic.report.marks import line, spread
 
 RNG = np.random.default_rng(5)
 
@@ -40,7 +41,8 @@ def test_columns_hold_what_lies_in_them(ordered: bool) -> None:
 def test_a_gap_breaks_the_line() -> None:
     along = np.r_[np.linspace(0.0, 2.0, 500), np.linspace(8.0, 10.0, 500)]
     columns = Columns(Axis("", 0.0, 10.0), along, most=100)
-    drawn = line(columns, Axis("", -1.0, 1.0), np.zeros(len(columns.places)), "mean")
+    mark = line(columns, np.zeros(len(columns.places)))
+    drawn = draw(mark, columns.x, Axis("", -1.0, 1.0))
     starts = [float(x) for x in re.findall(r"M([\d.]+) ", drawn)]
     assert len(starts) == 2
     assert starts[1] == pytest.approx(805, abs=10)
@@ -51,14 +53,15 @@ def test_a_column_in_which_nothing_counted_breaks_the_line() -> None:
     weights = np.where((np.arange(100) >= 40) & (np.arange(100) < 60), 0.0, 1.0)
     means = columns.mean(np.ones(100), weights)
     assert np.isnan(means).sum() == 4
-    drawn = line(columns, Axis("", -2.0, 2.0), means, "mean")
+    drawn = draw(line(columns, means), columns.x, Axis("", -2.0, 2.0))
     assert str(drawn).count("M") == 2
     assert "nan" not in drawn
 
 
 def test_few_readings_far_apart_are_still_one_line() -> None:
     columns = Columns(Axis("", 0.0, 7.0), np.arange(8.0), most=400)
-    assert str(line(columns, Axis("", -1.0, 1.0), np.zeros(8), "mean")).count("M") == 1
+    drawn = draw(line(columns, np.zeros(8)), columns.x, Axis("", -1.0, 1.0))
+    assert str(drawn).count("M") == 1
 
 
 def test_strays_do_not_set_the_scale_and_what_counted_is_inside() -> None:
@@ -75,12 +78,13 @@ def test_arrows_stand_over_what_lies_beyond() -> None:
     values = RNG.uniform(-1.0, 1.0, 1000)
     values[200:215] = 50.0
     values[700] = -9.0
-    y, columns = Axis("", -2.0, 2.0), Columns(Axis("", 0.0, 999.0), np.arange(1000.0))
-    (up, at), (down, where) = places(arrows(columns, y, values))
+    columns = Columns(Axis("", 0.0, 999.0), np.arange(1000.0))
+    mark = spread(columns, values)
+    (up, at), (down, where) = places(draw_arrows(mark, columns.x, Axis("", -2.0, 2.0)))
     assert (up, down) == ("▲", "▼")
     assert at == pytest.approx(20.7, abs=0.5)
     assert where == pytest.approx(70.0, abs=0.5)
-    assert arrows(columns, Axis("", -60.0, 60.0), values) == []
+    assert draw_arrows(mark, columns.x, Axis("", -60.0, 60.0)) == []
     said = beyond_words(values, 2.0, "nT")
     assert said.startswith("16 readings lie beyond")
     assert "50.0" in said
@@ -90,7 +94,7 @@ def test_arrows_stand_over_what_lies_beyond() -> None:
 def test_a_million_readings_make_a_small_drawing() -> None:
     values = RNG.normal(size=1_000_000)
     columns = Columns(Axis("", 0.0, 1e6), np.arange(1e6))
-    drawn = spread(columns, Axis("", -6.0, 6.0), values, "range")
+    drawn = draw(spread(columns, values), columns.x, Axis("", -6.0, 6.0))
     assert len(drawn) < 12_000
     heights = np.array(re.findall(r"[\d.]+ (\d+)", drawn), dtype=float)
     assert 500 - heights.min() == pytest.approx(500 / 6 * values.max(), abs=1)

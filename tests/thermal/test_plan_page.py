@@ -50,7 +50,7 @@ def test_a_skew_pose_is_drawn_too() -> None:
 
 
 def test_the_profile_is_drawn_to_scale(plan) -> None:
-    drawing = draw_profile(plan.profile)
+    drawing = draw_profile(plan.profile).to_html()
     path = re.search(r'd="M([^"]+)" class="course"', drawing)[1]
     points = np.array([p.split() for p in path.split("L")], dtype=float)
     right = (points[:, 0] - points[0, 0]) / np.ptp(points[:, 0])

@@ -68,7 +68,7 @@ def test_every_bin_is_a_dot_where_it_belongs(result) -> None:
     fit = result.sensors[0].fit
     curve = figures.evaluate_coefficients(fit.calibration)[4]
     cooling, heating = figures.select_dots(fit.bins, 4)
-    drawn = figures.draw_coefficient(curve, (cooling, heating))
+    drawn = figures.draw_coefficient(curve, (cooling, heating)).to_html()
     (d,) = re.findall(r'<path d="([^"]*)" class="dots cooling">', drawn)
     places = np.array([[float(v) for v in at.split()] for at in re.findall(r"M([\d. ]+)h0", d)])
     assert len(places) == np.isfinite(fit.bins.cooling[:, 4]).sum()
@@ -203,7 +203,7 @@ def test_the_page_has_contents_that_lead_somewhere(page) -> None:
 
 
 def test_the_temperature_at_every_station_is_drawn(result, page) -> None:
-    drawn = re.findall(r'aria-label="Temperature at station (\d+) over time".*?</svg>', page)
+    drawn = re.findall(r'aria-label="[^"]*: station (\d+), °C over hours".*?</svg>', page)
     assert [int(number) for number in drawn] == list(range(1, 13))
     first = page[page.index("Temperature at station 1 over time") :]
     (curve,) = re.findall(r'<path d="M([^"]*)" class="common"', first[: first.index("</svg>")])

@@ -10,7 +10,6 @@ import numpy as np
 
 from agonic.alignment.coil import METHOD, CoilFit, Direction
 from agonic.alignment.figures import (
-    draw_figure,
     draw_residuals,
     draw_series,
     draw_settings,
@@ -25,12 +24,12 @@ from agonic.alignment.remanence import RemanenceFit
 from agonic.alignment.session.laboratory import SwingRecord
 from agonic.health import Judged
 from agonic.readable import make_record
-from agonic.report.axes import Columns, along_rows, fit_axis
+from agonic.report.axes import fit_axis, over_rows
 from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
-from agonic.report.markup import Markup
+from agonic.report.figure import Figure, figure
+from agonic.report.marks import level, mean
 from agonic.report.section import Section, Table, list_inputs
-from agonic.report.strips import caption, level, line, plot
 
 FRAMES = {
     "m": "magnetometer",
@@ -51,11 +50,10 @@ METHODS = {"swing": "damped sinusoid", "reversal": "turning points", "transit": 
 def make_document(fit: Judged, found: dict[str, Any], **given: Any) -> Document:
     """The document of a result: its verdict and findings, and what was `found`. A refused one has
     no numbers; sections and further values only where they are among those `given`."""
-    judged = {name: getattr(fit, name) for name in ("verdict", "status", "findings")}
     if fit.verdict != "refused":
         given["values"] = {**given.get("values", {}), **found}
     calibration = getattr(fit, "calibration", None)
-    return Document(**judged, calibration=calibration, styles=["alignment.css"], **given)
+    return Document.judge(fit, calibration=calibration, styles=["alignment.css"], **given)
 
 
 def describe_coil(fit: CoilFit) -> Document:
@@ -155,8 +153,9 @@ def describe_remanence(fit: RemanenceFit) -> Document:
     read = [one.origin for one in (fit.samples, fit.reference) if one is not None]
     cosine, sine = fit.harmonics.parts[0]
     angles = np.round(fit.angle_deg).astype(np.int64)
-    drawn = partial(draw_residuals, fit.field, fit.noise, angles, "angle of the platform, °")
-    caption = "What is read at each angle of the platform beside the mean"
+    title = "What is read at each angle of the platform beside the mean"
+    along = "angle of the platform, °"
+    drawn = partial(draw_residuals, fit.field, fit.noise, angles, along, title)
     clean = "Use the platform; turn it again when something on it was changed."
     return make_document(
         fit,
@@ -168,7 +167,7 @@ def describe_remanence(fit: RemanenceFit) -> Document:
         move=next((finding.move for finding in fit.findings), clean),
         entries=entries,
         sections=[
-            Section("At each angle of the platform", [lambda: draw_figure(drawn(), caption)]),
+            Section("At each angle of the platform", [drawn]),
             list_inputs(*read, method=METHOD),
         ],
         values={"sensor": fit.samples.name, "cosine_nT": cosine, "sine_nT": sine},
@@ -236,20 +235,15 @@ def _list_north(fit: NorthFit) -> dict[str, str]:
     return entries
 
 
-def draw_swing(record: SwingRecord, swing: Swing) -> list[Markup]:
+def draw_swing(record: SwingRecord, swing: Swing) -> list[Figure]:
     """Readings of the circle over time with the gyro's north across, and what the fit leaves."""
-    x, along = along_rows(record.time_s, np.arange(len(record.time_s)))
-    columns, reading = Columns(x, along), record.reading_deg
+    columns, reading = over_rows(record.time_s, len(record.time_s)), record.reading_deg
     circle = fit_axis("reading of the circle, °", reading)
-    course = [
-        level(circle, float(swing.params[0]), "noise"),
-        line(columns, circle, columns.mean(reading), "mean"),
-    ]
+    north = level("noise", swing.params[0], words="the gyro’s north")
+    shown = mean(columns, reading, words="reading")
     left = 3600 * (reading - evaluate_swing_deg(swing.params, record.time_s - record.time_s[0]))
-    drawn = plot(x, circle, course, "Readings of the circle over time")
-    keys = {"mean": "reading", "noise": "the gyro’s north"}
     rest = draw_series(left[:, None], record.time_s, ["What the damped sinusoid leaves"], "″")
-    return [caption("The circle following the gyro", drawn, keys), *rest]
+    return [figure("The circle following the gyro", columns.x, circle, north, shown), *rest]
 
 
 def describe_di_flux(fit: DiFluxFit) -> Document:

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array
 from agonic.maths.rotations.frames import r2, r3
-from agonic.report.axes import Axis, Columns, along_rows, down, right
+from agonic.report.axes import Axis, about_zero, over_rows
 from agonic.report.digits import MINUS, group_digits
+from agonic.report.figure import Figure, figure
+from agonic.report.marks import Mark, bars, level, mean, spread
 from agonic.report.markup import Markup, element
-from agonic.report.strips import caption, level, line, path, plot, spread
 
 MIN_BARS = 5.0
 """That an axis has room for, so that its ticks are whole numbers."""
@@ -22,24 +23,26 @@ LETTER_HIGH = 9.0
 
 
 def draw_residuals(
-    values: Array, sd: Array, numbers: NDArray[np.int64], along: str = "orientation"
-) -> Markup:
+    values: Array,
+    sd: Array,
+    numbers: NDArray[np.int64],
+    along: str = "orientation",
+    title: str = "Residuals along the magnetometer’s axes",
+) -> Figure:
     """Residuals (k, 3), nT, of the orientations `numbers` (k,), a bar an axis. Bands reach to twice
     the standard deviations `sd` (k, 3), nT. `along` is what the numbers count."""
     limit = 1.1 * max(float(np.abs(values).max()), 2 * float(sd.max()), 1e-12)
-    at: Array = np.unique(numbers).astype(np.float64)
-    step = float(np.diff(at).min()) if len(at) > 1 else 1.0
-    last = max(at[-1], at[0] + step * (MIN_BARS - 1))
-    x = Axis(along, float(at[0]) - step / 2, float(last) + step / 2)
-    y = Axis("residual, nT", -limit, limit)
+    places = np.unique(numbers).astype(np.float64)
+    first, step = float(places[0]), float(np.diff(places).min()) if len(places) > 1 else 1.0
+    last = max(float(places[-1]), first + step * (MIN_BARS - 1))
     at, reach = numbers.astype(np.float64), 2 * np.sqrt((sd**2).mean(axis=1))
-    layers = [_bars(x, y, at, 0.42 * step, -reach, reach, "band")]
+    x = Axis(along, first - step / 2, last + step / 2)
+    marks = [_bars("band", at, 0.42 * step, -reach, reach, words="± 2 standard deviations")]
     for name, shift, one in zip("xyz", (-0.24, 0.0, 0.24), values.T, strict=True):
-        zero = np.zeros(len(one))
-        layers.append(_bars(x, y, at + shift * step, 0.1 * step, zero, one, f"bar-{name}"))
-    keys = {f"bar-{name}": name for name in "xyz"} | {"band": "± 2 standard deviations"}
-    drawn = plot(x, y, [*layers, level(y, 0.0, "zero")], "Residuals of each orientation in nT")
-    return caption("Residuals along the magnetometer’s axes", drawn, keys)
+        middle = at + shift * step
+        marks.append(_bars(f"bar-{name}", middle, 0.1 * step, 0 * one, one, words=name))
+    y = about_zero("residual, nT", limit)
+    return figure(title, x, y, *marks, level("zero", 0.0))
 
 
 def draw_figure(drawn: Markup, caption: str) -> Markup:
@@ -47,22 +50,16 @@ def draw_figure(drawn: Markup, caption: str) -> Markup:
     return element("figure", drawn, element("figcaption", caption))
 
 
-def draw_settings(values: Array, unit: str) -> Markup:
+def draw_settings(values: Array, unit: str) -> Figure:
     """What is left of each setting (k,), a bar each, numbered from one."""
-    numbers = np.arange(1.0, len(values) + 1)
     x = Axis("setting", 0.5, max(len(values), MIN_BARS) + 0.5)
-    y = make_residual_axis(values, unit)
-    bars = _bars(x, y, numbers, 0.3, np.zeros(len(values)), values, "bar-x")
-    return caption("Residuals", plot(x, y, [bars, level(y, 0.0, "zero")], "Residuals"))
+    shown = _bars("bar-x", np.arange(1.0, len(values) + 1), 0.3, 0 * values, values)
+    return figure("Residuals", x, make_residual_axis(values, unit), shown, level("zero", 0.0))
 
 
-def _bars(
-    x: Axis, y: Axis, middle: Array, half: float, start: Array, end: Array, name: str
-) -> Markup:
+def _bars(name: str, middle: Array, half: float, start: Array, end: Array, words: str = "") -> Mark:
     """Bars (k,) about the places `middle`, from one value to another."""
-    edges = right(x, middle - half), right(x, middle + half), down(y, start), down(y, end)
-    bars = (f"M{a:.1f} {c:.1f}H{b:.1f}V{d:.1f}H{a:.1f}Z" for a, b, c, d in zip(*edges, strict=True))
-    return path("".join(bars), name)
+    return bars(name, middle - half, middle + half, start, end, words=words)
 
 
 def svg(parts: list[Markup], name: str, label: str, wide: float = 320.0) -> Markup:
@@ -76,23 +73,18 @@ def svg_text(x: float, y: float, text: str, name: str) -> Markup:
     return element("text", text.replace("-", MINUS), x=f"{x:.1f}", y=f"{y:.1f}", class_=name)
 
 
-def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: str) -> list[Markup]:
+def draw_series(values: Array, time: Array | None, names: Sequence[str], unit: str) -> list[Figure]:
     """Columns of values (n, k) over time, a strip each; without times in their order."""
-    x, along = along_rows(time, np.arange(len(values)))
-    y, columns = make_residual_axis(values, unit), Columns(x, along)
-    drawn = []
-    for name, one in zip(names, values.T, strict=True):
-        layers = [spread(columns, y, one, "range"), level(y, 0.0, "noise")]
-        layers.append(line(columns, y, columns.mean(one), "mean"))
-        keys = {"range": "least to largest", "mean": "mean"}
-        drawn.append(caption(name, plot(x, y, layers, f"Residuals {name}"), keys))
-    return drawn
+    y, columns = make_residual_axis(values, unit), over_rows(time, len(values))
+    return [
+        figure(name, columns.x, y, spread(columns, one), level("noise", 0.0), mean(columns, one))
+        for name, one in zip(names, values.T, strict=True)
+    ]
 
 
 def make_residual_axis(values: Array, unit: str) -> Axis:
     """The axis of residuals, zero in its middle."""
-    limit = 1.1 * max(float(np.abs(values).max()), 1e-9)
-    return Axis(f"residual, {unit}", -limit, limit)
+    return about_zero(f"residual, {unit}", 1.1 * max(float(np.abs(values).max()), 1e-9))
 
 
 def draw_dome(boresight_n: Array, numbers: NDArray[np.int64], residual_arcsec: Array) -> Markup:

@@ -47,14 +47,8 @@ def describe(shown: object) -> Document | None:
     if not isinstance(shown, Judged):
         return None
     name = getattr(getattr(shown, "calibration", None), "sensor", type(shown).__name__)
-    return Document(
-        name=name,
-        kind=type(shown).__name__,
-        verdict=shown.verdict,
-        status=shown.status,
-        findings=shown.findings,
-        calibration=getattr(shown, "calibration", None),
-    )
+    calibration = getattr(shown, "calibration", None)
+    return Document.judge(shown, name=name, kind=type(shown).__name__, calibration=calibration)
 
 
 _DESCRIBED: dict[type, Callable[[Any], Document]] = {

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from datetime import UTC, datetime
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.calibration.thermal import Thermal
 from agonic.errors import AgonicError, MissingExtraError
 from agonic.fit import Fit
+from agonic.headings.document import draw_heading, draw_sd
 from agonic.headings.result import Heading
+from agonic.history.document import draw_trends
 from agonic.history.fit import drift
 from agonic.history.result import Drift
+from agonic.inflight.report.figures import draw_course
+from agonic.inflight.report.flight import find_course
 from agonic.inflight.tracking import Tracker
 from agonic.maths.equation.coverage import icosphere
 from agonic.population import History
 from agonic.recording.calibrated import Calibrated
-from agonic.recording.figures import thin
+from agonic.recording.figures import draw_headings, thin
 from agonic.recording.quantities import find_level
+from agonic.report.figure import Figure, Panel
 from agonic.report.labels import unit_label
+from agonic.report.marks import Mark
 from agonic.report.tables import list_shares
 from agonic.report.verdict import MEANINGS
+from agonic.thermal.figures import draw_coefficients
 from agonic.thermal.fit.result import ThermalFit
 from agonic.thermal.result import CalibratedCampaign
 
-TEMPERATURES = 200
-AXES = ("x", "y", "z")
+BESIDE = 3
+"""Small panels in a row."""
 
 
 def plot(shown: object) -> Any:
@@ -46,22 +52,22 @@ def plot(shown: object) -> Any:
         from matplotlib import pyplot  # type: ignore[import-not-found,unused-ignore]
     except ImportError:
         raise MissingExtraError("a figure", "plot") from None
-    figure = pyplot.figure(layout="constrained")
-    pyplot.close(figure)  # so that a notebook shows it once, as the value of its cell
-    draw(shown, figure)
-    return figure
+    made = pyplot.figure(layout="constrained")
+    pyplot.close(made)  # so that a notebook shows it once, as the value of its cell
+    draw(shown, made)
+    return made
 
 
 @singledispatch
-def draw(shown: object, figure: Any) -> None:
+def draw(shown: object, onto: Any) -> None:
     """Draw an object into a figure."""
     raise NotImplementedError
 
 
 @draw.register
-def _(shown: Calibrated, figure: Any) -> None:
-    figure.set_size_inches(9, 8)
-    above, below = figure.subfigures(2, 1, height_ratios=(3, 2))
+def _(shown: Calibrated, onto: Any) -> None:
+    onto.set_size_inches(9, 8)
+    above, below = onto.subfigures(2, 1, height_ratios=(3, 2))
     calibration = shown.fit.calibration
     rows = thin(len(shown.samples), 3000)
     before, after = shown.verification.spread_before, shown.verification.spread_after
@@ -78,21 +84,21 @@ def _(shown: Calibrated, figure: Any) -> None:
         axes.set(title=f"{name}, spread {100 * spread:.2g} %", aspect="equal")
         axes.set(xlabel=f"x, {unit_label(of)}", ylabel="y", zlabel="z")
         axes.locator_params(nbins=4)
-    figure.suptitle(f"{shown.samples.name}: {shown.verdict}, {MEANINGS[shown.verdict][1]}")
+    onto.suptitle(f"{shown.samples.name}: {shown.verdict}, {MEANINGS[shown.verdict][1]}")
     left, right = below.subplots(1, 2)
     _draw_shares(left, shown.fit)
-    recorded = next((rung for rung in shown.ladder if rung.errors_deg), None)
-    if recorded is None:
-        _draw_coverage(right, shown.fit)
+    if any(rung.errors_deg for rung in shown.ladder):
+        first = next(one for one in draw_headings(shown) if isinstance(one, Figure))
+        _draw_panel(right, first.panels[0], first.title)
     else:
-        _draw_heading_error(right, recorded.errors_deg, shown.fit.coverage.heading_sd_deg)
+        _draw_coverage(right, shown.fit)
 
 
 @draw.register
-def _(shown: Fit, figure: Any) -> None:
-    figure.set_size_inches(9, 3.4)
-    left, right = figure.subplots(1, 2)
-    figure.suptitle(f"{shown.verdict}, {MEANINGS[shown.verdict][1]}")
+def _(shown: Fit, onto: Any) -> None:
+    onto.set_size_inches(9, 3.4)
+    left, right = onto.subplots(1, 2)
+    onto.suptitle(f"{shown.verdict}, {MEANINGS[shown.verdict][1]}")
     _draw_shares(left, shown)
     _draw_coverage(right, shown)
 
@@ -102,15 +108,6 @@ def _draw_shares(axes: Any, fit: Fit) -> None:
     axes.barh(list_shares(fit.shares), [sd**2 for sd in fit.shares.values()])
     axes.invert_yaxis()
     axes.set(xlabel="variance of the heading, °²", title="what the heading's error is made of")
-
-
-def _draw_heading_error(axes: Any, errors_deg: Sequence[float], sd_deg: float) -> None:
-    """The error of the heading as recorded, and a band of ± the standard error calibrated."""
-    true = np.linspace(0, 360, len(errors_deg), endpoint=False)
-    axes.plot(true, errors_deg, label="as recorded")
-    axes.axhspan(-sd_deg, sd_deg, color="C1", label=f"calibrated: ± {sd_deg:.2g}°")
-    axes.legend()
-    axes.set(title="heading error, level", xlabel="true heading, °", ylabel="error, °")
 
 
 def _draw_coverage(axes: Any, fit: Fit) -> None:
@@ -126,106 +123,115 @@ def _draw_coverage(axes: Any, fit: Fit) -> None:
     axes.set(xlabel="azimuth in the sensor, °", ylabel="height towards z, °")
 
 
-@draw.register
-def _(shown: Heading, figure: Any) -> None:
-    figure.set_size_inches(9, 5)
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    along = np.arange(len(shown)) if shown.time is None else shown.time
-    trusted = shown.trusted
-    reach = 2 * shown.sd_deg
-    low, high = shown.true_deg - reach, shown.true_deg + reach
-    above.fill_between(along, low, high, alpha=0.3, label="± 2 sd")
-    above.plot(along[trusted], shown.true_deg[trusted], ".", markersize=2, label="true heading")
-    above.plot(
-        along[~trusted], shown.true_deg[~trusted], "x", color="red", markersize=3, label="flagged"
-    )
-    above.set(ylabel="heading, °", ylim=(0, 360))
-    above.legend(loc="upper right")
-    below.plot(along, shown.sd_deg)
-    below.set(ylabel="sd, °", xlabel="row" if shown.time is None else "time, s")
+# ---- the figures of pages ------------------------------------------------------------------------
 
 
-@draw.register
-def _(shown: Thermal | ThermalFit, figure: Any) -> None:
-    one = shown if isinstance(shown, Thermal) else shown.calibration
-    _draw_temperature(figure, {one.sensor: one})
-
-
-@draw.register
-def _(shown: CalibratedCampaign, figure: Any) -> None:
-    found = {one.name: one.fit.calibration for one in shown.sensors if one.fit is not None}
-    if not found:
-        raise AgonicError("no sensor of the campaign could be fitted: there is nothing to draw")
-    _draw_temperature(figure, found)
-
-
-def _draw_temperature(figure: Any, calibrations: dict[str, Thermal]) -> None:
-    """Bias and gains of each sensor over its temperature, with ± 2 standard errors."""
-    figure.set_size_inches(9, 3 * len(calibrations))
-    rows = figure.subplots(len(calibrations), 2, squeeze=False)
-    for (name, one), (left, right) in zip(calibrations.items(), rows, strict=True):
-        warm = np.linspace(*one.range_C, TEMPERATURES)
-        bias, gain = one.bias_at(warm), np.diagonal(one.matrix_at(warm), axis1=1, axis2=2)
-        sd = None if one.covariance is None else one.sd_at(warm)
-        for axes, values, first in ((left, bias, 0), (right, gain, 3)):
-            for k, letter in enumerate(AXES):
-                (line,) = axes.plot(warm, values[:, k], label=letter)
-                if sd is not None:
-                    reach = 2 * sd[:, first + k]
-                    low, high = values[:, k] - reach, values[:, k] + reach
-                    axes.fill_between(warm, low, high, alpha=0.3, color=line.get_color())
-            axes.set(xlabel="temperature, °C")
-        left.set(ylabel=f"bias, {unit_label(one.unit_in)}", title=name)
-        right.set(ylabel="gain", title="± 2 standard errors")
-        left.legend()
-
-
-@draw.register
-def _(shown: Drift, figure: Any) -> None:
+def _list_trends(shown: Drift) -> list[Figure]:
     trends = [one for one in shown.trends if one.kind == "bias"]
     if not trends:
         raise AgonicError(f"{shown.sensor} was calibrated too few times to draw a trend")
-    figure.set_size_inches(9, 2.2 * len(trends))
-    for one, axes in zip(
-        trends, np.atleast_1d(figure.subplots(len(trends), sharex=True)), strict=True
-    ):
-        time = np.linspace(one.time[0], max(shown.at.timestamp(), one.time[-1]), TEMPERATURES)
-        band, dates = one.at(time), _dates(time)
-        reach = 2 * band.calibration_sd
-        axes.fill_between(dates, band.mean - reach, band.mean + reach, alpha=0.3)
-        axes.plot(dates, band.mean)
-        axes.errorbar(_dates(one.time), one.value, one.sd, fmt=".", color="black")
-        axes.set(ylabel=f"{one.name}, {one.unit}")
+    return [draw_trends(trends, shown)]
 
 
-def _dates(time: Array) -> list[datetime]:
-    return [datetime.fromtimestamp(float(one), UTC) for one in time]
-
-
-@draw.register
-def _(shown: History, figure: Any) -> None:
+def _choose_sensor(shown: History) -> list[Figure]:
     names = [one.sensor for one in shown.sensors()]
     if len(names) != 1:
         raise AgonicError(
             f"the history holds {len(names)} sensors; draw one: "
             "ag.history.drift(history.of(NAME)).plot()"
         )
-    draw(drift(shown.of(names[0])), figure)
+    return _list_trends(drift(shown.of(names[0])))
 
 
-@draw.register
-def _(shown: Tracker, figure: Any) -> None:
+def _draw_tracked(shown: Tracker) -> list[Figure]:
     if not len(shown.history):
         raise AgonicError(
             f"the tracker has no step of its history yet, of {shown.params.history_s:g} s each; "
             "update it with a longer log"
         )
-    figure.set_size_inches(9, 5)
-    time, bias, sd = shown.history[:, 0], shown.history[:, 1:4], shown.history[:, 4:7]
-    unit = unit_label(shown.state.base.unit_in)
-    for k, axes in enumerate(figure.subplots(3, sharex=True)):
-        reach = 2 * sd[:, k]
-        axes.fill_between(time, bias[:, k] - reach, bias[:, k] + reach, alpha=0.3)
-        axes.plot(time, bias[:, k])
-        axes.set(ylabel=f"bias {AXES[k]}, {unit}")
-    axes.set(xlabel="time, s")
+    return [draw_course(find_course(shown), "the bias")]
+
+
+def _list_sensors(shown: CalibratedCampaign) -> list[Figure]:
+    drawn = [
+        replace(one, title=f"{sensor.name}: {one.title}")
+        for sensor in shown.sensors
+        if sensor.fit is not None
+        for one in draw_coefficients(sensor.fit.calibration)
+        if isinstance(one, Figure)
+    ]
+    if not drawn:
+        raise AgonicError("no sensor of the campaign could be fitted: there is nothing to draw")
+    return drawn
+
+
+_FIGURES: dict[type, Callable[[Any], Sequence[object]]] = {
+    CalibratedCampaign: _list_sensors,
+    Drift: _list_trends,
+    Heading: lambda one: [draw_heading(one), draw_sd(one)],
+    History: _choose_sensor,
+    Thermal: draw_coefficients,
+    ThermalFit: lambda one: draw_coefficients(one.calibration, one.bins),
+    Tracker: _draw_tracked,
+}
+"""What pages show of these."""
+
+
+def _draw_figures(shown: object, onto: Any) -> None:
+    """Every panel of the figures of a page: small ones beside each other, others below."""
+    figures = [one for one in _FIGURES[type(shown)](shown) if isinstance(one, Figure)]
+    panels = [(one.title * (k == 0), of) for one in figures for k, of in enumerate(one.panels)]
+    wide = BESIDE if all(panel.kind == "small" for _, panel in panels) else 1
+    tall = -(-len(panels) // wide)
+    onto.set_size_inches(9, 2.4 * tall)
+    for k, (title, panel) in enumerate(panels, start=1):
+        _draw_panel(onto.add_subplot(tall, wide, k), panel, title)
+
+
+for _kind in _FIGURES:
+    draw.register(_kind, _draw_figures)
+
+
+def _draw_panel(axes: Any, panel: Panel, title: str) -> None:
+    """A panel of a page: its marks in the colours of the cycle, its axes and its legend."""
+    x, y = panel.x, panel.y
+    axes.set(xlim=(x.low, x.high), ylim=(y.low, y.high), xlabel=x.label, ylabel=y.label)
+    axes.set(title=title, **{f"{of}scale": "log" for of in "xy" if getattr(panel, of).logarithmic})
+    marks = [one for one in panel.marks if isinstance(one, Mark) and one.seen]
+    colours = {name: f"C{k}" for k, name in enumerate(dict.fromkeys(one.name for one in marks))}
+    words = set()
+    for one in marks:
+        label = None if one.words in words else one.words or None
+        _DRAWN[one.kind](axes, *one.at, color=colours[one.name], label=label)
+        words.add(one.words)
+    if title and any(words):
+        axes.legend(fontsize="x-small")
+
+
+def _fill(axes: Any, across: Any, low: Any, high: Any, **look: Any) -> None:
+    axes.fill_between(across, low, high, alpha=0.3, linewidth=1, **look)
+
+
+def _shade(axes: Any, begin: Any, end: Any, **look: Any) -> None:
+    bottom, top = axes.get_ylim()
+    axes.bar(begin, top - bottom, end - begin, bottom, align="edge", alpha=0.2, **look)
+
+
+def _underline(axes: Any, begin: Any, end: Any, **look: Any) -> None:
+    axes.hlines(np.full(len(begin), axes.get_ylim()[0]), begin, end, linewidth=6, **look)
+
+
+_DRAWN: dict[str, Callable[..., object]] = {
+    "curve": lambda axes, *at, **look: axes.plot(*at, **look),
+    "area": _fill,
+    "spread": _fill,
+    "dots": lambda axes, *at, **look: axes.plot(*at, ".", markersize=3, **look),
+    "whiskers": lambda axes, *at, **look: axes.vlines(*at, **look),
+    "level": lambda axes, at, **look: axes.hlines(at, *axes.get_xlim(), linestyles="--", **look),
+    "upright": lambda axes, at, **look: axes.vlines(at, *axes.get_ylim(), **look),
+    "span": _shade,
+    "bars": lambda axes, a, b, c, d, **look: axes.bar(a, d - c, b - a, c, align="edge", **look),
+    "histogram": lambda axes, *at, **look: axes.stairs(*at, fill=True, **look),
+    "foot": _underline,
+}
+"""How Matplotlib draws each kind of mark."""

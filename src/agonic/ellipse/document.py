@@ -11,13 +11,14 @@ from agonic.arrays import Array
 from agonic.ellipse.result import EllipseFit
 from agonic.readable import make_record
 from agonic.report import tables
-from agonic.report.axes import Axis, Columns, along_rows
-from agonic.report.digits import count, degrees, group_digits, percent, quantity, with_sd
+from agonic.report.axes import about_zero, over_rows
+from agonic.report.digits import count, degrees, each_with_sd, group_digits, percent, quantity
 from agonic.report.document import Document
+from agonic.report.figure import Figure, figure
 from agonic.report.labels import unit_label
+from agonic.report.marks import level, spread
 from agonic.report.markup import Markup, element
-from agonic.report.section import Section, Table
-from agonic.report.strips import caption, level, plot, spread
+from agonic.report.section import Section, Table, aside
 from agonic.report.verdict import WHEN_GOOD
 
 _MOST = 1500
@@ -38,7 +39,7 @@ def draw_circles(fit: EllipseFit) -> list[Markup]:
             _draw(field, None, radius, f"After: on a circle about zero, {quantity(radius, unit)}"),
             class_="pair",
         ),
-        element("p", f"{count(min(len(raw), _MOST), 'reading')} drawn.", class_="aside"),
+        aside(f"{count(min(len(raw), _MOST), 'reading')} drawn."),
     ]
 
 
@@ -63,21 +64,16 @@ def _draw(points: Array, middle: Array | None, radius: float, words: str) -> Mar
     return element("figure", picture, element("figcaption", words))
 
 
-def draw_residuals(fit: EllipseFit) -> Markup:
+def draw_residuals(fit: EllipseFit) -> Figure:
     """Distances from the ellipse over the log, with lines at the noise."""
     unit = unit_label(fit.calibration.unit_in)
     shown = np.abs(fit.residuals[fit.weights > 0])
     limit = max(float(shown.max(initial=0.0)), 3 * fit.noise, 1e-9)
-    x, along = along_rows(fit.samples.time, np.arange(len(fit.samples)))
-    y = Axis(f"residual, {unit}", -limit, limit)
-    columns = Columns(x, along)
-    layers = [
-        spread(columns, y, fit.residuals, "range"),
-        *(level(y, at * fit.noise, "noise") for at in (-1.0, 1.0)),
-    ]
-    drawn = plot(x, y, layers, "Distances from the ellipse over the log")
-    keys = {"range": "least to largest", "noise": f"± noise, {quantity(fit.noise, unit, 2)}"}
-    return caption("Residuals over the log", drawn, keys)
+    columns = over_rows(fit.samples.time, len(fit.samples))
+    words = f"± noise, {quantity(fit.noise, unit, 2)}"
+    noise = level("noise", [-fit.noise, fit.noise], words=words)
+    y = about_zero(f"residual, {unit}", limit)
+    return figure("Residuals over the log", columns.x, y, spread(columns, fit.residuals), noise)
 
 
 _NAMES = ("bias x", "bias y", "matrix xx", "matrix yy", "matrix xy")
@@ -91,12 +87,10 @@ def describe_ellipse(
     rows = list_numbers(fit)
     move = WHEN_GOOD if fit.verdict == "good" else None
     spread = f"{percent(fit.spread_before)} → {percent(fit.spread_after)}"
-    return Document(
+    return Document.judge(
+        fit,
         name=fit.samples.name,
         method=f"ellipse of two axes, {group_digits(fit.n)} readings",
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
         move=move,
         remarks=warnings,
         key_figures=()
@@ -141,7 +135,7 @@ def list_numbers(fit: EllipseFit) -> list[tuple[str, str]]:
     """The five numbers, each with its standard error."""
     values = [*fit.bias[:2], fit.matrix[0, 0], fit.matrix[1, 1], fit.matrix[0, 1]]
     errors = fit.sd[[0, 1, 3, 4, 6]]
-    return [(n, with_sd(v, s)) for n, v, s in zip(_NAMES, values, errors, strict=True)]
+    return [*zip(_NAMES, each_with_sd(values, errors), strict=True)]
 
 
 def _name_units(rows: list[tuple[str, str]], unit: str) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ from agonic.readable import make_record
 from agonic.report.digits import count, group_digits
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element, markup
-from agonic.report.section import Section
+from agonic.report.section import Section, aside
 
 if TYPE_CHECKING:
     from agonic.fleet.settings import FleetRun
@@ -170,4 +170,4 @@ def _list_others(groups: Sequence[Peers]) -> Markup:
     if not groups:
         return Markup("")
     said = "; ".join(f"{group.name}: {count(len(group), 'sensor')}" for group in groups)
-    return element("p", f"Not drawn, because they are few: {said}.", class_="aside")
+    return aside(f"Not drawn, because they are few: {said}.")

@@ -9,10 +9,12 @@ import numpy as np
 from agonic.arrays import Array, Mask
 from agonic.maths.estimation.robust.robust_line import Line
 from agonic.population.peers import Peers
-from agonic.report.axes import Axis, down, right
+from agonic.report.axes import Axis
 from agonic.report.digits import count, quantity
+from agonic.report.figure import Panel, path
+from agonic.report.marks import curve, dots, histogram, span, upright
 from agonic.report.markup import Markup, element, markup
-from agonic.report.strips import curve, dots, path, plot, points
+from agonic.report.section import aside
 
 BINS = 40
 MOST_DOTS = 1500
@@ -43,15 +45,14 @@ def draw_histogram(
     x = make_axis(values, label)
     counts, edges = np.histogram(np.clip(values, x.low, x.high), BINS, (x.low, x.high))
     y = Axis("calibrations", 0.0, 1.06 * float(max(counts.max(), 3)))  # whole numbers beside it
-    steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)
-    layers = [path(f"M0 1000L{points(*steps)}L1000 1000Z", "bars")]
+    marks = [histogram("bars", counts, edges)]
     if usual is not None:
-        low, middle, high = right(x, usual[0] + usual[1] * np.array([-1.0, 0.0, 1.0]))
-        layers.insert(0, path(f"M{low:.1f} 0H{high:.1f}V1000H{low:.1f}Z", "usual"))
-        layers.append(path(f"M{middle:.1f} 0V1000", "centre"))
+        centre, spread = usual
+        band = span("usual", centre - spread, centre + spread)
+        marks = [band, *marks, upright("centre", centre)]
     name = f"Histogram of {label} of {count(len(values), 'calibration')}"
-    drawn = plot(x, y, layers, name, kind="short")
-    return _make_selectable(drawn, "histogram", group, (column,), (x, y), name, size)
+    drawn = Panel(x=x, y=y, marks=marks, said=name, kind="short")
+    return _make_selectable(drawn, "histogram", group, (column,), name, size)
 
 
 def draw_scatter(
@@ -62,23 +63,21 @@ def draw_scatter(
     noted: Mask,
     lines: Sequence[tuple[Line, float, float]] = (),
     kind: str = "short",
-) -> Markup:
+) -> Panel:
     """Points, those that stand out over the others; lines through them from x to x."""
     plain = np.flatnonzero(~noted)
     plain = plain[:: 1 + len(plain) // MOST_DOTS]
     inside = (across >= x.low) & (across <= x.high) & (along >= y.low) & (along <= y.high)
     marked = np.flatnonzero(noted)
     marked = marked[:: 1 + len(marked) // (MOST_DOTS // 5)]
-    layers = []
+    marks = []
     for rows, name in ((plain, "dots"), (marked, "odd-dots")):
         rows = rows[inside[rows]]
-        if len(rows):
-            layers.append(dots(x, y, across[rows], along[rows], name))
-    for line, low, high in lines:
-        ends = np.array([low, high])
-        layers.append(curve(x, y, ends, line.at(ends), "centre"))
+        marks.append(dots(name, across[rows], along[rows]))
+    for line, *ends in lines:
+        marks.append(curve("centre", ends, line.at(np.array(ends))))
     name = f"{y.label} against {x.label}, {count(len(across), 'calibration')}"
-    return plot(x, y, layers, name, kind=kind)
+    return Panel(x=x, y=y, marks=marks, said=name, kind=kind)
 
 
 def draw_biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) -> Markup:
@@ -100,14 +99,13 @@ def draw_biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) 
                 "scatter",
                 number,
                 (f"bias_{'xyz'[k]}", "bias_y"),
-                (one, y),
                 f"bias {'xyz'[k]} against y",
             )
             for k, one in ((0, x), (2, z))
         ),
         class_="pair",
     )
-    return markup(drawn, element("p", said, class_="aside"))
+    return markup(drawn, aside(said))
 
 
 def draw_verdicts(counts: dict[str, int]) -> Markup:
@@ -141,20 +139,18 @@ def describe_usual(usual: tuple[float, float] | None, unit: str) -> str:
 
 
 def _make_selectable(
-    drawn: Markup,
+    drawn: Panel,
     kind: str,
     group: int,
     columns: tuple[str, ...],
-    axes: tuple[Axis, Axis],
     name: str,
     size: float = 1.0,
 ) -> Markup:
     """A figure that the page's script can select from: its columns and the ranges of its axes."""
-    x, y = axes
     said = element("p", class_="picked aside", aria_live="polite")
     return element(
         "div",
-        drawn,
+        drawn.to_html(),
         said,
         class_=f"live {kind}",
         data_kind=kind,
@@ -163,6 +159,6 @@ def _make_selectable(
         data_bins=BINS,
         data_name=name,
         data_size=size,
-        data_x=f"{x.low!r} {x.high!r}",
-        data_y=f"{y.low!r} {y.high!r}",
+        data_x=f"{drawn.x.low!r} {drawn.x.high!r}",
+        data_y=f"{drawn.y.low!r} {drawn.y.high!r}",
     )

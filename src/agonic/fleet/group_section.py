@@ -17,7 +17,7 @@ from agonic.population.population import AXES
 from agonic.report.digits import count, show_sign, with_sd
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
-from agonic.report.section import Section
+from agonic.report.section import Section, aside
 
 
 class Relation(NamedTuple):
@@ -83,7 +83,9 @@ def _draw_relation(
         for axis, b, line in zip(AXES, relation.bias.T, relation.lines, strict=True)
     )
     noted = drawn.noted[relation.rows]
-    trio = [draw_scatter(along, y, relation.along, b, noted, line) for y, b, line in shown]
+    trio = [
+        draw_scatter(along, y, relation.along, b, noted, line).to_html() for y, b, line in shown
+    ]
     yield _describe_slopes(relation, unit, per)
     yield element("div", *trio, class_="trio")
 
@@ -122,7 +124,7 @@ def describe_group(group: Peers, number: int, rows: Index, noted: Mask) -> Secti
     warm = _draw_relation(drawn, population["temperature_C"], 3.0, "temperature, °C", ("°C", 1.0))
     parts = {
         "Distributions": [
-            element("p", _USUAL if group.enough else "", class_="aside"),
+            aside(_USUAL if group.enough else ""),
             element("div", *_draw_histograms(drawn), class_="trio"),
         ],
         "Bias": [*_draw_bias(drawn)],
@@ -152,7 +154,7 @@ def _draw_histograms(drawn: _Drawn) -> Iterator[Markup]:
             usual = _get_usual(group, key, size)
             label = f"{name}, {unit}" if unit else name
             figure = figures.draw_histogram(size * values, label, column, drawn.number, usual, size)
-            said = element("p", figures.describe_usual(usual, unit), class_="aside")
+            said = aside(figures.describe_usual(usual, unit))
             head = element("figcaption", element("strong", name), said)
             yield element("figure", head, figure)
 

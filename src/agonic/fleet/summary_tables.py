@@ -18,6 +18,7 @@ from agonic.population import Duplicate, Outlier, Population
 from agonic.population.peers import MIN_PEERS, Peers
 from agonic.report.digits import count, group_digits, percent, write_minus
 from agonic.report.markup import Markup, element, markup, table
+from agonic.report.section import aside
 from agonic.report.tables import mark
 from agonic.report.verdict import MEANINGS, sentence
 
@@ -199,11 +200,9 @@ def list_outliers(
     rows = sorted(said, key=lambda row: (rank[row], row))
     few = [group for group in groups if not group.enough]
     lines = [
-        element(
-            "p",
+        aside(
             f"{count(len(group), 'sensor')} ({group.name}) are too few to find what is usual: at "
-            f"least {MIN_PEERS} are needed.",
-            class_="aside",
+            f"least {MIN_PEERS} are needed."
         )
         for group in few
     ]
@@ -292,5 +291,5 @@ def list_duplicates(same: Sequence[Duplicate]) -> Markup:
     shown = [element("li", f"{one.sentence}.") for one in same[:100]]
     left = len(same) - len(shown)
     more = element("p", f"{count(left, 'more log')} of this kind.") if left > 0 else ""
-    said = element("p", "Each counts once for what is usual.", class_="aside")
+    said = aside("Each counts once for what is usual.")
     return markup(said, element("ul", *shown, class_="duplicates"), more)

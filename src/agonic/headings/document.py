@@ -12,74 +12,68 @@ from agonic.headings.result import FLAGS, Heading
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.tilt import compute_down, tilt_from_angles
 from agonic.provenance import Input
-from agonic.report.axes import Axis, Columns, along_rows
+from agonic.report.axes import Axis, Columns, over_rows
 from agonic.report.digits import group_digits, write_minus
 from agonic.report.document import Document
-from agonic.report.markup import Markup
+from agonic.report.figure import Figure, figure, robust_limit
+from agonic.report.marks import Mark, band, foot, line, mean, spread
 from agonic.report.section import Block, Section, Table, list_inputs
-from agonic.report.strips import arrows, band, caption, line, mark_rows, plot, robust_limit, spread
 from agonic.samples import Samples
 
-_DOUBTED = {"held-out": "rows that a flag marks"}
 WIDE = 2.0
 """Standard errors that the band of a heading reaches to either side."""
 
 
-def draw_heading(found: Heading) -> Markup:
+def draw_heading(found: Heading) -> Figure:
     """The true heading over time with its band."""
-    y = Axis("true heading, °", 0.0, 360.0)
-    columns, x = _columns(found)
-    turned = _fill(found.true_deg, found.trusted)
+    columns, turned = over_rows(found.time, len(found)), _fill(found.true_deg, found.trusted)
     reach = WIDE * columns.mean(_fill(found.sd_deg, found.trusted))
     least, largest, middle = columns.least(turned), columns.largest(turned), columns.mean(turned)
     through_north = (largest - least > 180.0) | (np.abs(np.diff(middle, append=middle[-1])) > 180.0)
     gap = np.where(through_north, np.nan, 0.0)  # 359° is beside 1°, and far on the paper
-    layers = [
-        band(columns, y, least - reach + gap, largest + reach + gap, "range"),
-        line(columns, y, middle + gap, "mean"),
-        mark_rows(columns, ~found.trusted, "held-out"),
-    ]
-    keys = {"range": "± 2 standard errors", "mean": "heading", **_DOUBTED}
-    return caption("Heading", plot(x, y, layers, "True heading over time"), keys)
+    return figure(
+        "Heading",
+        columns.x,
+        Axis("true heading, °", 0.0, 360.0),
+        band(columns, least - reach + gap, largest + reach + gap, "range", "± 2 standard errors"),
+        line(columns, middle + gap, words="heading"),
+        _mark_doubted(found, columns),
+    )
 
 
-def draw_sd(found: Heading) -> Markup:
+def draw_sd(found: Heading) -> Figure:
     """The standard error of the heading over time, and the part that noise makes."""
-    columns, x = _columns(found)
+    columns = over_rows(found.time, len(found))
     sd, random = (_fill(v, found.trusted) for v in (found.sd_deg, found.random_sd_deg))
     top = robust_limit(sd, 0.1, found.trusted.astype(np.float64))
-    y = Axis("standard error, °", 0.0, 1.1 * top)
-    layers = [
-        spread(columns, y, sd, "range"),
-        line(columns, y, columns.mean(random), "noise"),
-        mark_rows(columns, ~found.trusted, "held-out"),
-    ]
-    keys = {"range": "standard error", "noise": "of which noise, new in every reading", **_DOUBTED}
-    label = "Standard error of the heading over time"
-    return caption("Standard error", plot(x, y, layers, label, arrows(columns, y, sd)), keys)
+    return figure(
+        "Standard error",
+        columns.x,
+        Axis("standard error, °", 0.0, 1.1 * top),
+        spread(columns, sd, words="standard error"),
+        mean(columns, random, "noise", "of which noise, new in every reading"),
+        _mark_doubted(found, columns),
+    )
 
 
-def draw_field(found: Heading, field: Array) -> list[Markup]:
+def draw_field(found: Heading, field: Array) -> list[Figure]:
     """Strength and dip of the calibrated field (n, 3) over time, steady where all is well."""
     down = compute_down(tilt_from_angles(found.roll_deg, found.pitch_deg))
     size = np.linalg.norm(field, axis=1)
     dip = np.degrees(np.arcsin(np.clip(np.einsum("ni,ni->n", field, down) / size, -1, 1)))
-    (columns, x), made = _columns(found), []
+    columns, made = over_rows(found.time, len(found)), []
     for name, values, unit in (("Strength", size, "nT"), ("Dip", dip, "°")):
         known = _fill(values, np.isfinite(values))
         low, high = np.percentile(known, (0.5, 99.5)).tolist()
         margin = max(0.15 * (high - low), 1e-3 * abs(high), 1e-9)
         y = Axis(f"{name.lower()}, {unit}", low - margin, high + margin)
-        layers = [
-            spread(columns, y, known, "range"),
-            line(columns, y, columns.mean(known), "mean"),
-            mark_rows(columns, ~found.trusted, "held-out"),
-        ]
-        keys = {"range": "least to largest", "mean": "mean", **_DOUBTED}
-        label = f"{name} of the field over time"
-        drawn = plot(x, y, layers, label, arrows(columns, y, known))
-        made.append(caption(f"{name} of the field", drawn, keys))
+        marks = spread(columns, known), mean(columns, known), _mark_doubted(found, columns)
+        made.append(figure(f"{name} of the field", columns.x, y, *marks))
     return made
+
+
+def _mark_doubted(found: Heading, columns: Columns) -> Mark:
+    return foot(columns, ~found.trusted, "held-out", "rows that a flag marks")
 
 
 def list_flags(found: Heading) -> list[list[str]]:
@@ -90,11 +84,6 @@ def list_flags(found: Heading) -> list[list[str]]:
         for name, rows in found.flags.items()
         if rows.any()
     ]
-
-
-def _columns(found: Heading) -> tuple[Columns, Axis]:
-    x, along = along_rows(found.time, np.arange(len(found)))
-    return Columns(x, along), x
 
 
 def _fill(values: Array, known: Mask) -> Array:

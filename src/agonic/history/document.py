@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -12,17 +14,18 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.history.departure import Departure
 from agonic.history.fit import KINDS, sample_times
-from agonic.history.result import Drift, Event, Trend
+from agonic.history.result import Drift, Trend
 from agonic.population import Row, SensorSummary
 from agonic.population.store_schema import UNDATED
 from agonic.readable import make_record
-from agonic.report.axes import Axis, down, fit_axis, right
+from agonic.report.axes import Axis, fit_axis
 from agonic.report.digits import count, group_digits, quantity, round_to_sd, show_sign, with_sd
-from agonic.report.document import Document
+from agonic.report.document import Document, list_sentences
+from agonic.report.figure import Figure, Panel
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element
-from agonic.report.section import Section, Table
-from agonic.report.strips import area, caption, curve, dots, path, plot
+from agonic.report.marks import area, curve, dots, span, whiskers
+from agonic.report.markup import Markup
+from agonic.report.section import Block, Section, Table, aside, tabulate
 from agonic.report.tables import NOTHING, mark
 
 _UNITS_DAYS = {"days": 1.0, "months": 365.25 / 12, "years": 365.25}
@@ -33,71 +36,61 @@ def choose_unit(days: float) -> str:
     return "days" if days < 90.0 else "years" if days >= 900.0 else "months"
 
 
-def draw_trends(trends: Sequence[Trend], drift: Drift) -> Markup:
+def draw_trends(trends: Sequence[Trend], drift: Drift) -> Figure:
     """The parameters of one kind beside each other, with a legend."""
-    keys = {
-        "seen": "calibration and its standard error",
-        "level": "parameter",
-        "band": "where it is, ± 2 sd",
-        "calibrations": "where a calibration of usual quality falls, ± 2 sd",
-    }
-    if any(_find_steps(one, drift) for one in trends):
-        keys["step"] = "step"
-    if any(shift.outlier for one in trends for shift in one.shifts):
-        keys["astray"] = "outlier"
     first = trends[0]
-    note = "" if first.kind == "bias" else "To first order the same however the matrix was turned."
-    drawn = element("div", *(draw_trend(one, drift) for one in trends), class_="multiples")
-    return caption(f"In {first.unit}" if first.unit else "As a ratio", drawn, keys, note)
+    return Figure(
+        title=f"In {first.unit}" if first.unit else "As a ratio",
+        panels=[draw_trend(one, drift) for one in trends],
+        note=""
+        if first.kind == "bias"
+        else "To first order the same however the matrix was turned.",
+        style="multiples",
+    )
 
 
-def draw_trend(one: Trend, drift: Drift) -> Markup:
+def draw_trend(one: Trend, drift: Drift) -> Panel:
     """One parameter over time: calibrations, the line that they follow, its bands, and steps."""
     time = np.unique(np.concatenate([sample_times(drift), one.time]))
-    band = one.at(time)
+    found = one.at(time)
     start, unit = drift.trends[0].time[0], choose_unit(np.ptp(sample_times(drift, 2)) / 86_400.0)
     scale = 86_400.0 * _UNITS_DAYS[unit]
     along, seen = ((t - start) / scale for t in (time, one.time))
     margin = 0.02 * float(along[-1])
     label = f"{unit} since {datetime.fromtimestamp(float(start), UTC):%Y-%m-%d}"
-    x = Axis(label, -margin, float(along[-1]) + margin)
-    reach = 2 * band.calibration_sd
-    low, high = band.mean - reach, band.mean + reach
-    y = fit_axis(one.name, np.concatenate([low, high, one.value - one.sd, one.value + one.sd]))
-
-    def draw_step(event: Event) -> Markup:
-        """The time between the two calibrations that it lies between."""
-        ends = np.array([event.after.timestamp(), event.before.timestamp()])
-        left, stop = right(x, (ends - start) / scale)
-        return path(f"M{left:.1f} 0H{stop:.1f}V1000H{left:.1f}Z", "step")
-
-    layers = [
-        *map(draw_step, _find_steps(one, drift)),
-        area(x, y, along, low, high, "calibrations"),
-        area(x, y, along, band.mean - 2 * band.sd, band.mean + 2 * band.sd, "band"),
-        curve(x, y, along, band.mean, "level"),
-        *_draw_calibrations(one, x, seen, y),
-    ]
-    return plot(x, y, layers, f"{one.name} over time with its bands", kind="small")
-
-
-def _draw_calibrations(one: Trend, x: Axis, seen: Array, y: Axis) -> list[Markup]:
-    """Their standard errors, and their values as dots."""
-    at = right(x, seen)
+    inner, outer = (
+        (found.mean - 2 * sd, found.mean + 2 * sd) for sd in (found.sd, found.calibration_sd)
+    )
+    bottom, top = one.value - one.sd, one.value + one.sd
+    begin, end = ((at - start) / scale for at in _find_steps(one, drift))
     outlier = np.isin(np.arange(len(one.time)), [s.place for s in one.shifts if s.outlier])
-    ends = zip(at, down(y, one.value + one.sd), down(y, one.value - one.sd), strict=True)
-    layers = [path("".join(f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in ends if b == b), "sd")]
-    told = np.isfinite(one.value)
-    for name, rows in (("seen", ~outlier & told), ("astray", outlier & told)):
-        if rows.any():
-            layers.append(dots(x, y, seen[rows], one.value[rows], name))
-    return layers
+    calibrated = "calibration and its standard error"
+    falls = "where a calibration of usual quality falls, ± 2 sd"
+    marks = [
+        span("step", begin, end, words="step"),
+        area("calibrations", along, *outer, words=falls),
+        area("band", along, *inner, words="where it is, ± 2 sd"),
+        curve("level", along, found.mean, words="parameter"),
+        whiskers("sd", seen, bottom, top),
+        dots("seen", seen[~outlier], one.value[~outlier], words=calibrated),
+        dots("astray", seen[outlier], one.value[outlier], words="outlier"),
+    ]
+    return Panel(
+        x=Axis(label, -margin, float(along[-1]) + margin),
+        y=fit_axis(one.name, np.concatenate([*outer, bottom, top])),
+        marks=marks,
+        kind="small",
+    )
 
 
-def _find_steps(one: Trend, drift: Drift) -> list[Event]:
-    """The steps that show in a parameter."""
-    steps = (event for event in drift.events if event.kind == "step")
-    return [step for step in steps if one.name in [moved.name for moved in step.parameters]]
+def _find_steps(one: Trend, drift: Drift) -> Array:
+    """Between which times, s, the steps lie that show in a parameter, (2, k)."""
+    ends = [
+        (event.after.timestamp(), event.before.timestamp())
+        for event in drift.events
+        if event.kind == "step" and one.name in [moved.name for moved in event.parameters]
+    ]
+    return np.reshape(ends, (-1, 2)).T
 
 
 def list_values(drift: Drift) -> dict[str, Any]:
@@ -113,9 +106,7 @@ def list_values(drift: Drift) -> dict[str, Any]:
             for one in drift.trends
         ],
         "events": [make_record(event) for event in drift.events],
-        "findings": [
-            {"name": f.name, "severity": f.severity, "sentence": f.sentence} for f in drift.findings
-        ],
+        "findings": list_sentences(drift.findings),
     }
 
 
@@ -150,29 +141,25 @@ _COLUMNS = (
 def describe_drift(drift: Drift, *, title: str = "") -> Document:
     """How the calibration of one sensor moved over time."""
     trends = {kind: [one for one in drift.trends if one.kind == kind] for kind in KINDS}
-    sections = [
-        Section(_TITLES[kind], [lambda shown=shown: draw_trends(shown, drift)])  # type: ignore[misc]
-        for kind, shown in trends.items()
-        if shown
-    ]
-    if drift.trends:
-        note = element("p", _COLUMNS, class_="aside")
-        sections.append(Section("Drift", [_tabulate_trends(drift), note], printed=True))
-    if drift.events:
-        sections.append(Section("Steps and outliers", [_tabulate_events(drift)]))
-    sections.append(Section("Calibrations", _tabulate_calibrations(drift)))
-    return Document(
+    moved: list[Block] = [_tabulate_trends(drift), aside(_COLUMNS)] if drift.trends else []
+    return Document.judge(
+        drift,
         schema="agonic/history@1",
         kind="History of a magnetometer",
         name=drift.sensor,
         title=title,
-        verdict=drift.verdict,
-        status=drift.status,
-        findings=drift.findings,
         key_figures=_list_key_figures(drift, trends["bias"] or drift.trends),
         entries=_list_calibrations(drift),
         entries_title="",
-        sections=sections,
+        sections=[
+            *(
+                Section(_TITLES[kind], [partial(draw_trends, of, drift)] if of else [])
+                for kind, of in trends.items()
+            ),
+            Section("Drift", moved, printed=True),
+            Section("Steps and outliers", [_tabulate_events(drift)] if drift.events else []),
+            Section("Calibrations", _tabulate_calibrations(drift)),
+        ],
         values=list_values(drift),
         styles=["thermal.css", "history.css"],
     )
@@ -189,7 +176,7 @@ def describe_history(
         schema="agonic/history@1",
         name="history",
         status=status,
-        sections=[*_list_sensors(rows), *_list_departures(departed)],
+        sections=[Section("", _list_sensors(rows), printed=True), _list_departures(departed)],
         values={"sensors": rows, "departures": [asdict(one) for one in departed]},
     )
 
@@ -197,27 +184,24 @@ def describe_history(
 # ---- all sensors ---------------------------------------------------------------------------------
 
 
-def _list_sensors(rows: Sequence[Mapping[str, Any]]) -> list[Section]:
-    if not rows:
-        return []
-    names = ("sensor", "calibrations", "first", "last", "verdict", "drifts")
-    days = (
-        {**row, "first": row["first"][:10], "last": row["last"][:10]} for row in rows[:MAX_LISTED]
-    )
-    said = ({**row, "drifts": "drifts" if row["drifts"] else ""} for row in days)
-    head = ("Sensor", "Calibrations", "First", "Last", "Verdict", "Bias")
-    table = Table(head, [[str(row[name]) for name in names] for row in said])
+def _list_sensors(rows: Sequence[Mapping[str, Any]]) -> list[Block]:
+    columns: dict[str, Callable[[Mapping[str, Any]], str]] = {
+        "Sensor": itemgetter("sensor"),
+        "Calibrations": lambda row: str(row["calibrations"]),
+        "First": lambda row: row["first"][:10],
+        "Last": lambda row: row["last"][:10],
+        "Verdict": itemgetter("verdict"),
+        "Bias": lambda row: "drifts" if row["drifts"] else "",
+    }
     more = len(rows) - MAX_LISTED
     note = [f"… and {group_digits(more)} more; --json lists all"] if more > 0 else []
-    return [Section("", [table, *note], printed=True)]
+    return [tabulate(rows[:MAX_LISTED], columns), *note] if rows else []
 
 
-def _list_departures(departed: Sequence[Departure]) -> list[Section]:
-    if not departed:
-        return []
+def _list_departures(departed: Sequence[Departure]) -> Section:
     title = f"{count(len({one.sensor for one in departed}), 'sensor')} left the others"
     said = [f"! {one.sensor}: {one.sentence}" for one in departed[:MAX_LISTED]]
-    return [Section(title, said, printed=True)]
+    return Section(title, said, printed=True)
 
 
 # ---- one sensor ----------------------------------------------------------------------------------
@@ -321,4 +305,4 @@ def _tabulate_calibrations(drift: Drift) -> list[Table | Markup]:
     if len(shown) < len(rows):
         notes.append(f"{count(len(rows) - len(shown), 'earlier one')} left out.")
     table = Table(head, cells, "calibrations", scrolls=True)
-    return [table, *(element("p", note, class_="aside") for note in notes)]
+    return [table, *map(aside, notes)]

@@ -24,9 +24,9 @@ from agonic.network.simulate import CHANGE_S, SimulatedField, simulate_paper
 from agonic.readable import make_record
 from agonic.report.digits import quantity
 from agonic.report.document import Document
-from agonic.report.markup import Markup
+from agonic.report.figure import Figure
+from agonic.report.marks import level
 from agonic.report.section import Section, Table
-from agonic.report.strips import caption
 
 DURATION_S = 30.0
 
@@ -170,20 +170,15 @@ def _list_nodes(found: Reproduction) -> Table:
     return Table(head, rows, "nodes")
 
 
-def _draw(found: Reproduction, levels: list[float]) -> Markup:
+def _draw(found: Reproduction, levels: list[float]) -> Figure:
     """The errors before the change, or after it where its level is drawn too."""
     if CHANGED not in levels:
-        curves = {"training": found.errors(found.ground, late=False)}
-        keys = {"training": "trained on the ground", "limit": "10 nT"}
-        return caption("Largest component of the error", figures.draw_errors(curves, levels), keys)
-    curves = {
-        "held": found.errors(found.ground, late=True),
-        "training": found.errors(found.again, late=True),
-    }
-    keys = {
-        "held": "trained on the ground",
-        "training": "trained again in orbit",
-        "limit": "10 and 30 nT",
-    }
-    drawn = figures.draw_errors(curves, levels)
-    return caption("Largest component of the error, from 15 s on", drawn, keys)
+        curves = {("training", "trained on the ground"): found.errors(found.ground, late=False)}
+        title, words = "Largest component of the error", "10 nT"
+    else:
+        curves = {
+            ("held", "trained on the ground"): found.errors(found.ground, late=True),
+            ("training", "trained again in orbit"): found.errors(found.again, late=True),
+        }
+        title, words = "Largest component of the error, from 15 s on", "10 and 30 nT"
+    return figures.draw_errors(title, level("limit", levels, words=words), curves)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -22,7 +22,7 @@ from agonic.recording.numbers import (
     list_entries,
     list_numbers,
 )
-from agonic.recording.quantities import compute_residuals, find_held_out, mixes_sensors
+from agonic.recording.quantities import Residuals, compute_residuals, find_held_out, mixes_sensors
 from agonic.recording.sections import (
     describe_disturbers,
     describe_ladder,
@@ -35,7 +35,7 @@ from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element, markup
-from agonic.report.section import Block, Section, Table
+from agonic.report.section import Block, Section, Table, aside
 from agonic.report.verdict import MEANINGS, WHEN_GOOD, moves, sentence
 
 if TYPE_CHECKING:
@@ -170,15 +170,6 @@ def describe_sensor(
     refused = result.verdict == "refused"
     residuals = cache(lambda: compute_residuals(result))
     latency = "" if result.latency is None else describe_latency(result.latency)
-    bar = tables.draw_shares(fit.shares) if fit.shares else ""
-    made = [Section("What the heading's error is made of", [bar])] if bar else []
-    figures_of_fit = [
-        Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
-        Section("Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]),
-        Section(
-            "Verification", [_describe_held_out(result), lambda: tables.checks(result.verification)]
-        ),
-    ]
     return Document(
         schema="agonic/fit@1",
         name=result.samples.name,
@@ -194,15 +185,7 @@ def describe_sensor(
         entries_title="",
         refused_numbers=True,
         sections=[
-            *([] if refused else made),
-            Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
-            *_describe_headings(result),
-            *describe_ladder(result),
-            *([] if refused else figures_of_fit[:1]),
-            *describe_disturbers(result),
-            *([_fold(figures_of_fit)] if refused else figures_of_fit[1:]),
-            Section("Method and model", [lambda: describe_method(result)]),
-            Section("Coverage", _describe_coverage(result)),
+            *_list_sections(result, residuals, most),
             Section("Exports", [_list_files(files, texts)]),
         ],
         values=list_values(result, files, warnings),
@@ -213,11 +196,33 @@ def describe_sensor(
     )
 
 
-def _describe_headings(result: Calibrated) -> list[Section]:
-    """The heading's error over the headings, by each fit of the ladder that one has for it."""
-    if not any(rung.errors_deg for rung in result.ladder):
-        return []
-    return [Section("Heading before and after", [lambda: figures.draw_headings(result)])]
+def _list_sections(
+    result: Calibrated, residuals: Callable[[], Residuals], most: int
+) -> list[Section]:
+    """The figures and tables; numbers, residuals and checks of a refused fit folded away."""
+    refused, shares = result.verdict == "refused", result.fit.shares
+    bar = [tables.draw_shares(shares)] if shares and not refused else []
+    swung = any(rung.errors_deg for rung in result.ladder)
+    numbers, *others = (
+        Section("Numbers", [lambda: list_numbers(result), _explain_numbers(result)]),
+        Section("Magnitude and residuals", [lambda: figures.draw_residuals(result, residuals())]),
+        Section(
+            "Verification", [_describe_held_out(result), lambda: tables.checks(result.verification)]
+        ),
+    )
+    return [
+        Section("What the heading's error is made of", bar),
+        Section("Sphere before and after", [lambda: figures.draw_spheres(result, most)]),
+        Section(
+            "Heading before and after", [lambda: figures.draw_headings(result)] if swung else []
+        ),
+        describe_ladder(result),
+        *([] if refused else [numbers]),
+        describe_disturbers(result),
+        *([_fold([numbers, *others])] if refused else others),
+        Section("Method and model", [lambda: describe_method(result)]),
+        Section("Coverage", _describe_coverage(result)),
+    ]
 
 
 def _write_command(result: Calibrated) -> str:
@@ -283,7 +288,7 @@ def _explain_numbers(result: Calibrated) -> Markup:
             f"“In the log” is the correction found there ({logged.source}). It was taken out of "
             "the readings before this calibration was made."
         )
-    return element("p", text, " ± is one standard error.", class_="aside")
+    return aside(text, " ± is one standard error.")
 
 
 def _describe_held_out(result: Calibrated) -> Markup:
@@ -297,7 +302,7 @@ def _describe_held_out(result: Calibrated) -> Markup:
         )
     else:
         text = f"Checked on {count(int(held_out.sum()), 'reading')} held out of the fit."
-    return element("p", text, class_="aside")
+    return aside(text)
 
 
 def _describe_coverage(result: Calibrated) -> list[Block]:

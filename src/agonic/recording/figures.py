@@ -4,7 +4,7 @@ from, magnitude, residuals."""
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,22 +17,12 @@ from agonic.maths.one_pass import find_length, median
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.ladder import Rung
 from agonic.recording.quantities import MIN_IN_CELL, Residuals, find_held_out, find_level
-from agonic.report.axes import Axis, Columns, along_rows, down, right
+from agonic.report.axes import Axis, about_zero, over_rows
 from agonic.report.digits import count, degrees, group_digits, percent, quantity
+from agonic.report.figure import Figure, Panel, beyond_words, figure
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element, markup
-from agonic.report.strips import (
-    arrows,
-    beyond_words,
-    caption,
-    level,
-    line,
-    mark_rows,
-    path,
-    plot,
-    points,
-    spread,
-)
+from agonic.report.marks import curve, foot, histogram, level, line, spread
+from agonic.report.markup import Markup, element
 
 MOST_POINTS = 50_000
 """Points that a report holds, over all its sensors; more are thinned evenly."""
@@ -171,25 +161,16 @@ def _draw_sphere(part: str, shows: str, caption: str, **attributes: str) -> Mark
     return element("figure", canvas, element("figcaption", caption), **attributes)
 
 
-def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
+def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup | Figure]:
     """The magnitude over time; residuals over time, as a histogram and over the sphere."""
     noise = quantity(residuals.noise, residuals.unit, 2)
-    strips = [_caption_strip(result, residuals, "Residuals over time", f"± noise, {noise}")]
+    strips = [draw_strip(result, residuals, "Residuals over time", f"± noise, {noise}")]
     for kind, channel in result.fit.channels.items():
         if kind != "magnitude":  # what the attitude gives: how far from its dip and its azimuth
             own = replace(residuals, values=channel.residuals, noise=channel.noise)
             scatter = quantity(channel.noise, residuals.unit, 2)
             words = f"± scatter, {scatter}: the sensor’s noise and the attitude’s"
-            strips.append(_caption_strip(result, own, f"Residuals of the {kind} over time", words))
-    usual = np.median(residuals.weights[residuals.weights > 0]) if residuals.weights.any() else 1.0
-    doubted = int(np.sum(residuals.weights < 0.5 * usual))  # repeated readings share one weight
-    histogram = caption(
-        "Histogram of residuals",
-        draw_histogram(residuals),
-        {"bars": "readings", "normal": f"normal curve of the noise, {noise}"},
-        f"{count(doubted, 'reading')} {'counts' if doubted == 1 else 'count'} less than half in "
-        "the fit.",
-    )
+            strips.append(draw_strip(result, own, f"Residuals of the {kind} over time", words))
     shows = f"Mean residual of each direction. {residuals.worst}"
     sphere = _draw_sphere(
         "residuals",
@@ -199,117 +180,108 @@ def draw_residuals(result: Calibrated, residuals: Residuals) -> list[Markup]:
         f"blank with fewer than {MIN_IN_CELL} readings.",
         class_="wide",
     )
-    keys = {"before": "before", "after": "after the correction"}
-    picked = result.samples.time is not None and result.samples.source is not None
-    return [
-        caption("Magnitude over time", draw_magnitude(result), keys, PICK if picked else ""),
-        *strips,
-        element("div", histogram, sphere, class_="pair"),
-    ]
+    histogram = draw_histogram(residuals).to_html()
+    return [draw_magnitude(result), *strips, element("div", histogram, sphere, class_="pair")]
 
 
-def _caption_strip(result: Calibrated, residuals: Residuals, name: str, noise: str) -> Markup:
-    """Residuals over time, with the words of its colours; `noise` are those of its lines."""
-    keys = {"range": "least to largest", "mean": "mean, weighted as in the fit", "noise": noise}
-    if find_held_out(result) is not None:
-        keys["held-out"] = "held out of the fit"
-    beyond = beyond_words(residuals.values, residuals.limit, residuals.unit)
-    return caption(name, draw_strip(result, residuals), keys, beyond)
-
-
-def draw_strip(result: Calibrated, residuals: Residuals) -> Markup:
-    """Residuals over time with lines at the stated noise, and a bar under what was held out."""
-    limit = residuals.limit
-    x, along = along_rows(result.samples.time, np.arange(len(result.samples)))
-    y = Axis(f"residual, {residuals.unit}", -limit, limit)
-    columns = Columns(x, along)
-    layers = [
-        spread(columns, y, residuals.values, "range"),
-        line(columns, y, columns.mean(residuals.values, residuals.weights), "mean"),
-        *(level(y, at * residuals.noise, "noise") for at in (-1.0, 1.0)),
-    ]
+def draw_strip(result: Calibrated, residuals: Residuals, title: str, noise: str) -> Figure:
+    """Residuals over time with lines at the stated noise, whose words are `noise`, and a bar under
+    what was held out."""
+    columns, values = over_rows(result.samples.time, len(result.samples)), residuals.values
     held_out = find_held_out(result)
-    if held_out is not None:
-        layers.append(mark_rows(columns, held_out, "held-out"))
-    label = f"Residuals between −{limit:.3g} and +{limit:.3g} over time"
-    return plot(x, y, layers, label, arrows(columns, y, residuals.values))
+    unseen = np.zeros(len(values), dtype=bool) if held_out is None else held_out
+    weighted = columns.mean(values, residuals.weights)
+    return figure(
+        title,
+        columns.x,
+        about_zero(f"residual, {residuals.unit}", residuals.limit),
+        spread(columns, values),
+        line(columns, weighted, words="mean, weighted as in the fit"),
+        level("noise", [-residuals.noise, residuals.noise], words=noise),
+        foot(columns, unseen, "held-out", "held out of the fit"),
+        note=beyond_words(values, residuals.limit, residuals.unit),
+    )
 
 
-def draw_histogram(residuals: Residuals, bins: int = 60) -> Markup:
+def draw_histogram(residuals: Residuals, bins: int = 60) -> Figure:
     """How often each residual occurs, with the normal curve of the stated noise."""
-    limit = residuals.limit
+    limit, weights = residuals.limit, residuals.weights
     counts, edges = np.histogram(residuals.values, bins=bins, range=(-limit, limit))
     at = np.linspace(-limit, limit, 201)
     expected, noise = np.zeros_like(at), residuals.noise
     if noise > 0.0:
         normal = np.exp(-0.5 * (at / noise) ** 2) / (noise * np.sqrt(2 * np.pi))
         expected = len(residuals.values) * (edges[1] - edges[0]) * normal
-    x = Axis(f"residual, {residuals.unit}", -limit, limit)
-    y = Axis("readings", 0.0, 1.05 * float(max(counts.max(), expected.max(), 1.0)))
-    steps = np.repeat(right(x, edges), 2)[1:-1], np.repeat(down(y, counts * 1.0), 2)
-    layers = [
-        path(f"M0 1000L{points(*steps)}L1000 1000Z", "bars"),
-        path(f"M{points(right(x, at), down(y, expected))}", "normal"),
-    ]
-    return plot(x, y, layers, "Histogram of residuals with the normal curve of the stated noise")
+    usual = np.median(weights[weights > 0]) if weights.any() else 1.0
+    doubted = int(np.sum(weights < 0.5 * usual))  # repeated readings share one weight
+    stated = quantity(noise, residuals.unit, 2)
+    return figure(
+        "Histogram of residuals",
+        about_zero(f"residual, {residuals.unit}", limit),
+        Axis("readings", 0.0, 1.05 * float(max(counts.max(), expected.max(), 1.0))),
+        histogram("bars", counts, edges, words="readings"),
+        curve("normal", at, expected, words=f"normal curve of the noise, {stated}"),
+        note=f"{count(doubted, 'reading')} {'counts' if doubted == 1 else 'count'} less than half "
+        "in the fit.",
+    )
 
 
-def draw_magnitude(result: Calibrated) -> Markup:
+def draw_magnitude(result: Calibrated) -> Figure:
     """The magnitude of the field over time, before and after the correction: on one axis, or on two
     where the readings are in another unit than the field."""
     checked, calibration = result.verification, result.fit.calibration
-    before = {"before": checked.magnitude_before}
-    after = {"after": checked.magnitude_after}
+    columns = over_rows(result.samples.time, len(result.samples))
+    values = {"before": checked.magnitude_before, "after": checked.magnitude_after}
+    words = {"before": "before", "after": "after the correction"}
     into, out = (unit_label(u) for u in (calibration.unit_in, calibration.unit_out))
-    if into == out:
-        return _draw_magnitudes(result, before | after, out)
-    return markup(_draw_magnitudes(result, before, into), _draw_magnitudes(result, after, out))
+    together = [(out, ["before", "after"])]
+    panels = []
+    for unit, names in together if into == out else [(into, ["before"]), (out, ["after"])]:
+        y = _hold_counted(result, [values[name] for name in names], f"magnitude, {unit}")
+        marks = [spread(columns, values[name], name, words[name]) for name in names]
+        panels.append(Panel(x=columns.x, y=y, marks=marks))
+    picked = result.samples.time is not None and result.samples.source is not None
+    return Figure(title="Magnitude over time", panels=panels, note=PICK if picked else "")
 
 
-def _draw_magnitudes(result: Calibrated, magnitudes: Mapping[str, Array], unit: str) -> Markup:
-    """Magnitudes by their class. The axis holds what counted in the fit; of the rest, arrows say
-    where it lies beyond."""
+def _hold_counted(result: Calibrated, magnitudes: Sequence[Array], label: str) -> Axis:
+    """An axis that holds what counted in the fit; of the rest, arrows say where it lies beyond."""
     weights = result.fit.weights
     counted = np.ones(len(result.samples), dtype=bool) if weights is None else weights > 0
     if not counted.any():
         counted[:] = True
-    every = np.concatenate([values[counted] for values in magnitudes.values()])
+    every = np.concatenate([values[counted] for values in magnitudes])
     low, high = (float(v) for v in np.percentile(every, (0.25, 99.75)))
     reach = 0.25 * (high - low)  # so that noise is not cut off, and outliers still are
     low, high = max(low - reach, float(every.min())), min(high + reach, float(every.max()))
     margin = max(0.05 * (high - low), 1e-6 * abs(high), 1e-9)
-    x, along = along_rows(result.samples.time, np.arange(len(result.samples)))
-    y = Axis(f"magnitude, {unit}", low - margin, high + margin)
-    columns = Columns(x, along)
-    layers = [spread(columns, y, values, name) for name, values in magnitudes.items()]
-    words = f"Magnitude of the field over time, {' and '.join(magnitudes)}"
-    return plot(x, y, layers, words, arrows(columns, y, [*magnitudes.values()][-1]))
+    return Axis(label, low - margin, high + margin)
 
 
-def draw_headings(result: Calibrated) -> list[Markup]:
+def draw_headings(result: Calibrated) -> list[Markup | Figure]:
     """The heading's error over the heading of the level vehicle: as recorded beside the standard
     error of the calibration; by the fits between, folded."""
     first, *others = (rung for rung in result.ladder if rung.errors_deg)
     vehicle = None if result.fit.accuracy is None else result.fit.accuracy.vehicle_heading_deg
     sd = result.fit.coverage.heading_sd_deg if vehicle is None else vehicle
-    keys = {"mean": f"as recorded, {degrees(first.heading_error_deg)} rms"}
-    keys["noise"] = f"calibrated: ± its standard error, {degrees(sd)}"
-    between = [one for one in others if not one.chosen]
-    folded = [_draw_heading_error(one.name, one, {}) for one in between]
+    recorded = f"as recorded, {degrees(first.heading_error_deg)} rms"
+    folded = [_draw_heading_error(one.name, one).to_html() for one in others if not one.chosen]
     said = element("summary", "By the simpler fits")
     return [
-        _draw_heading_error("Heading error, level", first, keys, sd),
+        _draw_heading_error("Heading error, level", first, recorded, sd),
         element("details", said, *folded, class_="folded") if folded else element("div"),
     ]
 
 
-def _draw_heading_error(name: str, rung: Rung, keys: dict[str, str], sd: float = 0.0) -> Markup:
+def _draw_heading_error(title: str, rung: Rung, words: str = "", sd: float = 0.0) -> Figure:
     """The mean error of a fit at each heading, and lines at a standard error where one is given."""
     errors = np.array([*rung.errors_deg, rung.errors_deg[0]])
-    limit = 1.1 * max(float(np.abs(errors).max()), sd, 0.01)
-    x, y = Axis("true heading, °", 0.0, 360.0), Axis("error, °", -limit, limit)
-    at = points(right(x, np.linspace(0.0, 360.0, len(errors))), down(y, errors))
-    lines = [level(y, side * sd, "noise") for side in (-1.0, 1.0) if sd]
-    drawn = plot(x, y, [*lines, path(f"M{at}", "mean")], f"{name}: error over the heading")
-    note = "" if keys else f"{degrees(rung.heading_error_deg)} rms"
-    return caption(name, drawn, keys, note)
+    stated = f"calibrated: ± its standard error, {degrees(sd)}"
+    return figure(
+        title,
+        Axis("true heading, °", 0.0, 360.0),
+        about_zero("error, °", 1.1 * max(float(np.abs(errors).max()), sd, 0.01)),
+        level("noise", [-sd, sd] if sd else [], words=stated),
+        curve("mean", np.linspace(0.0, 360.0, len(errors)), errors, words=words),
+        note="" if words else f"{degrees(rung.heading_error_deg)} rms",
+    )

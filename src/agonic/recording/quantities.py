@@ -18,8 +18,8 @@ from agonic.maths.equation.affine import magnitude_residual, model_basis, split
 from agonic.maths.equation.coverage import find_cells, icosphere
 from agonic.recording.calibrated import Calibrated
 from agonic.report.digits import group_digits, quantity, show_sign
+from agonic.report.figure import robust_limit
 from agonic.report.labels import per_label, unit_label
-from agonic.report.strips import robust_limit
 
 _AXES = ("x", "y", "z")
 ADDED = "Added by "

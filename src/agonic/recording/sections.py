@@ -22,7 +22,7 @@ from agonic.report.digits import degrees, percent, quantity, with_sd
 from agonic.report.fields import make_table
 from agonic.report.labels import unit_label
 from agonic.report.markup import element
-from agonic.report.section import Section, Table
+from agonic.report.section import Block, Section, Table, aside
 from agonic.report.text import SIGNS, wrap
 from agonic.report.verdict import MEANINGS, sentence
 
@@ -77,25 +77,15 @@ LEFT = 1.5
 """Held-out residual over noise beyond which something is left for a network."""
 
 
-def describe_ladder(result: Calibrated) -> list[Section]:
-    """The section; none without a ladder."""
+def describe_ladder(result: Calibrated) -> Section:
+    """The section, which is empty without a ladder."""
     rungs = result.ladder
     if not rungs:
-        return []
-    return [
-        Section(
-            "Ladder of fits",
-            [
-                make_table(
-                    rungs, taken=lambda one: one.chosen, style="numbers ladder", scrolls=True
-                ),
-                *(f"✓ {one.name}: {one.why}." for one in rungs if one.chosen),
-                _say_of_network(result),
-                element("p", OF_LADDER, class_="aside"),
-            ],
-            printed=True,
-        )
-    ]
+        return Section("", [])
+    table = make_table(rungs, taken=lambda one: one.chosen, style="numbers ladder", scrolls=True)
+    chosen = (f"✓ {one.name}: {one.why}." for one in rungs if one.chosen)
+    blocks: list[Block] = [table, *chosen, _say_of_network(result), aside(OF_LADDER)]
+    return Section("Ladder of fits", blocks, printed=True)
 
 
 def summarise_ladder(result: Calibrated) -> dict[str, str]:
@@ -134,10 +124,10 @@ TRIED = ("Sources", "Signals", "Reduction of held-out residual variance")
 MOVED = ("Source", "Range", "Moves the field by", "Share of its size")
 
 
-def describe_disturbers(result: Calibrated) -> list[Section]:
-    """The section; none where the log holds nothing that could disturb."""
+def describe_disturbers(result: Calibrated) -> Section:
+    """The section, which is empty where the log holds nothing that could disturb."""
     if result.disturbers is None or not result.disturbers.trials:
-        return []
+        return Section("", [])
     # what was taken, in its order, and of the rest what the first comparison says
     trials = result.disturbers.trials
     first = {one.sources: one for one in reversed(trials)}
@@ -155,7 +145,7 @@ def describe_disturbers(result: Calibrated) -> list[Section]:
     if isinstance(result.fit.calibration, Interference):
         blocks.append(Table(MOVED, _list_moves(result), style="numbers"))
     shapes = [element("p", f"{one.describe()}.") for one in result.disturbers.shapes]
-    return [Section("What disturbs", [*blocks, *shapes, element("p", OF_TRIALS, class_="aside")])]
+    return Section("What disturbs", [*blocks, *shapes, aside(OF_TRIALS)])
 
 
 def list_trials(result: Calibrated) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from agonic.region.fit import CITATIONS
 from agonic.region.result import FieldMap
 from agonic.report.axes import Axis
 from agonic.report.contours import draw_map, fit_axes, list_nodes
-from agonic.report.digits import group_digits, quantity, significant, with_sd
+from agonic.report.digits import each_with_sd, group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.fields import write_field
 from agonic.report.markup import Markup
@@ -64,32 +64,29 @@ def describe_map(found: FieldMap, turned: bool = False, source: Input | None = N
     next."""
     here = found.at((found.low + found.high) / 2)
     at_readings = found.at(found.readings.position)
-    sd = np.linalg.norm(at_readings.sd, axis=1)
+    sd = float(np.median(np.linalg.norm(at_readings.sd, axis=1)))
     then = np.linalg.norm(found.at(found.next_places).sd, axis=1)
+    places = zip(range(1, len(then) + 1), found.next_places, then.tolist(), strict=True)
     rows = [
-        [f"{k}", *(f"{v:.2f}" for v in place), quantity(one, "nT", 2)]
-        for k, (place, one) in enumerate(zip(found.next_places, then.tolist(), strict=True), 1)
+        [f"{k}", *(f"{v:.2f}" for v in place), quantity(one, "nT", 2)] for k, place, one in places
     ]
     head = ("Place", "x, m", "y, m", "z, m", "Standard error now")
     turns = "x to heading 0, y to the right, z down: readings were turned by their attitude"
-    middle = zip(here.field[0].tolist(), here.sd[0].tolist(), strict=True)
-    return Document(
+    return Document.judge(
+        found,
         schema="agonic/map@1",
         kind="Map of a region",
         name=found.name,
-        verdict=found.verdict,
-        status=found.status,
-        findings=found.findings,
         method=f"{len(found.left_out)} readings",
         entries={
             "Axes": turns if turned else "those of the readings, as they are",
             "Region": " × ".join(f"{side:.2f}" for side in found.high - found.low) + " m",
-            "Middle": ", ".join(with_sd(f, s) for f, s in middle)
+            "Middle": ", ".join(each_with_sd(here.field[0], here.sd[0]))
             + f" nT, strength {with_sd(float(here.magnitude[0]), float(here.magnitude_sd[0]))} nT, "
             f"direction to {significant(float(here.direction_sd_deg[0]), 2)}°",
             "Strength": f"{group_digits(float(at_readings.magnitude.min()))} to "
             f"{group_digits(float(at_readings.magnitude.max()))} nT at the readings, the vector "
-            f"there to {quantity(float(np.median(sd)), 'nT', 2)} in the median",
+            f"there to {quantity(sd, 'nT', 2)} in the median",
             "Gradient": f"up to {quantity(float(np.abs(at_readings.gradient).max()), 'nT/m', 2)}",
             "Noise": write_field(found, "noise"),
         },

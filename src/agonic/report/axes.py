@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -61,12 +61,12 @@ def fit_axis(label: str, values: Array) -> Axis:
 
 
 class Columns:
-    """Readings put into the columns of a strip by where they lie along its axis. `right` (k,) is
-    where each column with readings stands, thousandths of the area; `counts` (k,) how many it
-    holds."""
+    """Readings put into the columns of a figure by where they lie along its axis `x`. `right` (k,)
+    is where each column with readings stands, thousandths of the area; `counts` (k,) how many it
+    holds; `across` the same places in the unit of the axis, as `break_up` gives values."""
 
     def __init__(self, x: Axis, along: Array, most: int = BINS) -> None:
-        self.most = max(1, min(most, len(along)))
+        self.x, self.most = x, max(1, min(most, len(along)))
         place = np.minimum((x.share(along) * self.most).astype(np.int32), self.most - 1)
         sorted_already = bool((np.diff(place) >= 0).all())
         self._order = None if sorted_already else np.argsort(place, kind="stable")
@@ -74,7 +74,11 @@ class Columns:
         self.places = np.flatnonzero(counts)
         self.counts = counts[self.places]
         self._starts = np.cumsum(self.counts) - self.counts
-        self.right = right(x, self.mean(along))
+        middle, steps = self.mean(along), np.diff(self.places)
+        self.right = right(x, middle)
+        wide = 3 * max(float(np.median(steps)), 1.0) if len(steps) else 1.0
+        self._gaps = np.flatnonzero(steps > wide) + 1
+        self.across = self.break_up(middle)
 
     def _sort(self, values: Array) -> Array:
         return values if self._order is None else values[self._order]
@@ -103,18 +107,13 @@ class Columns:
         return np.array([np.percentile(part, wanted) for part in parts]).T
 
     def edges(self) -> tuple[Array, Array]:
-        """Where each column begins and ends, thousandths of the area."""
-        return 1000.0 * self.places / self.most, 1000.0 * (self.places + 1) / self.most
+        """Where each column begins and ends, in the unit of the axis."""
+        ends = np.linspace(self.x.low, self.x.high, self.most + 1)
+        return ends[self.places], ends[self.places + 1]
 
-    def stretches(self) -> Iterator[slice]:
-        """Runs of columns without a gap between them."""
-        steps = np.diff(self.places)
-        wide = 3 * max(float(np.median(steps)), 1.0) if len(steps) else 1.0
-        ends = [*(np.flatnonzero(steps > wide) + 1).tolist(), len(self.places)]
-        begin = 0
-        for end in ends:
-            yield slice(begin, end)
-            begin = end
+    def break_up(self, values: Array) -> Array:
+        """One value a column, with a NaN wherever there is a gap between columns."""
+        return np.insert(values, self._gaps, np.nan)
 
 
 def right(axis: Axis, values: Array) -> Array:
@@ -154,3 +153,18 @@ def along_rows(time: Array | None, rows: Index) -> tuple[Axis, Array]:
     begun = "" if start == 0.0 else f" (t = {start:.1f} s)"
     axis, along = along_time(time[rows], start, stop, since=f"the first reading{begun}")
     return replace(axis, clock=(start, stop)), along
+
+
+def over_rows(time: Array | None, n: int, most: int = BINS) -> Columns:
+    """The columns of `n` readings over time, or in their order where no times were logged."""
+    return Columns(*along_rows(time, np.arange(n)), most)
+
+
+def over_time(time: Array, since: str = "the first reading", most: int = BINS) -> Columns:
+    """The columns of readings over their times (n,), from the first to the last."""
+    return Columns(*along_time(time, float(time[0]), float(time[-1]), since), most)
+
+
+def about_zero(label: str, limit: float) -> Axis:
+    """An axis with zero in its middle."""
+    return Axis(label, -limit, limit)

@@ -9,8 +9,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.report.axes import Axis
 from agonic.report.digits import significant
+from agonic.report.figure import Panel, caption, path
 from agonic.report.markup import Markup, element
-from agonic.report.strips import caption, path, plot
 
 MAP_ASPECT = 1.5
 """Width over height of a map, as `contours.css` has it for plots of the kind "contours"."""
@@ -63,7 +63,10 @@ def draw_map(
         ends = at if at.ndim == 3 else np.stack([at, at], axis=1)
         layers.append(_draw_lines(_locate(axes, ends), name))
     labels += [_write_beside(text, _locate(axes, at), name) for text, at, name in names]
-    return caption(title, plot(*axes, layers, said or title, labels, "contours"), dict(keys))
+    panel = Panel(
+        x=axes[0], y=axes[1], marks=layers, said=said or title, signs=labels, kind="contours"
+    )
+    return caption(title, panel.to_html(), keys)
 
 
 def trace_contour(values: Array, level: float) -> Array:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Iterable
+from itertools import repeat
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 THIN = "\N{NARROW NO-BREAK SPACE}"
@@ -44,6 +46,25 @@ def with_sd(value: float, sd: float | None) -> str:
     if not sd:
         return round_to_sd(value, sd)
     return f"{round_to_sd(value, sd)} ±{NO_BREAK}{group_digits(sd, min(_decimals(sd, 2), 12))}"
+
+
+def each_with_sd(
+    values: Iterable[float],
+    sds: Iterable[float] | None,
+    write: Callable[[float, float | None], str] = with_sd,
+) -> list[str]:
+    """Numbers with their standard errors, where these are known."""
+    pairs = zip(values, repeat(None) if sds is None else map(float, sds), strict=False)
+    return [write(float(value), sd) for value, sd in pairs]
+
+
+def name_each(
+    names: Iterable[str], numbers: Iterable[str], unit: str = "", *, blank: str = " "
+) -> str:
+    """Written numbers in a line, each after its name with a `blank`, and their unit."""
+    pairs = zip(names, numbers, strict=True)
+    each = (f"{name} {number}".replace(" ", blank) for name, number in pairs)
+    return f"{'   '.join(each)}{'' if unit == '°' else ' '}{unit}".rstrip()
 
 
 def with_sd_in_powers(value: float, sd: float | None) -> str:

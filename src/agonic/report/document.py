@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from agonic.calibration.base import Calibration
-from agonic.health import Finding, sentences, sort_findings
+from agonic.health import Finding, Judged, sentences, sort_findings
 from agonic.health.finding import NOT_READ
 from agonic.report import blocks, tables, text
 from agonic.report.digits import typeset
@@ -42,6 +42,13 @@ def list_repeated(sensors: Sequence[Document]) -> list[Repeated]:
     return [one for one in found.values() if len(one.names) > 1]
 
 
+def list_sentences(findings: Iterable[Finding]) -> list[dict[str, str]]:
+    """Findings for programs, each with its sentence as a whole."""
+    return [
+        {name: getattr(one, name) for name in ("name", "severity", "sentence")} for one in findings
+    ]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Document:
     """What is said and shown of one result.
@@ -56,7 +63,8 @@ class Document:
     findings : what was seen; None where nothing was looked for. move : what to do next; default:
         what helps against the gravest finding. remarks : notes for whoever uses it.
     key_figures : name, value, and what it is of. entries : label → text, in the text, and on the
-        page under the heading `entries_title`, unless that is "". sections : the rest.
+        page under the heading `entries_title`, unless that is "". sections : the rest; those
+        without blocks are left out.
     refused_numbers : whether key figures are shown on the page of a refused result too.
     details : entries of the text that are shown when all is asked for. next_step : last in the
         text, a command to type.
@@ -99,10 +107,20 @@ class Document:
     overview: Callable[[int], Iterable[str]] | None = None
     command: str = ""
 
+    @classmethod
+    def judge(cls, result: Judged, **given: Any) -> Self:
+        """The document of a result: its verdict, status and findings, and what else is `given`."""
+        judged = {name: getattr(result, name) for name in ("verdict", "status", "findings")}
+        return cls(**judged | given)
+
     @property
     def good(self) -> bool:
         """Nothing to object: by the verdict, or, without one, by those of all sensors."""
         return self.verdict == "good" or (not self.verdict and all(s.good for s in self.sensors))
+
+    @property
+    def _parts(self) -> list[Section]:
+        return [section for section in self.sections if section.blocks]
 
     @property
     def _shows_numbers(self) -> bool:
@@ -173,7 +191,7 @@ class Document:
             entries = {**(self.entries or {}), **((not brief and self.details) or {})}
             least = _LABEL_WIDTH if self.verdict else 0
             yield from text.wrap_entries(entries, width=width, least=least)
-            for section in self.sections:
+            for section in self._parts:
                 if section.printed and not brief:
                     yield from section.to_text(width)
         for note in self.remarks:
@@ -250,7 +268,7 @@ class Document:
         """The parts of the page, or of a sensor within it, where contents are wanted."""
         if not self.contents:
             return
-        named = enumerate(self.sections, start=1)
+        named = enumerate(self._parts, start=1)
         parts = [(f"{within}part-{k}", one.title) for k, one in named if one.title]
         parts += [(f"{within}findings", "Findings")] if self.findings is not None else []
         articles = enumerate(self.sensors, start=1)
@@ -259,7 +277,7 @@ class Document:
     def _middle(self, level: str, within: str = "") -> Iterable[Markup]:
         if self.entries and self.entries_title and self._shows_numbers:
             yield Section(self.entries_title, [self.entries]).to_html(level)
-        for k, section in enumerate(self.sections, start=1):
+        for k, section in enumerate(self._parts, start=1):
             yield section.to_html(level, f"{within}part-{k}" if self.contents else "")
         if self.findings is not None:
             found, at = tables.findings(self.findings), f"{within}findings"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from agonic.citations import find_citation
 from agonic.provenance import Input, Provenance
 from agonic.report import blocks, tables, text
 from agonic.report.digits import count, typeset
+from agonic.report.figure import Figure
 from agonic.report.markup import Markup, element, markup, table
 
 
@@ -29,11 +31,23 @@ class Table:
         return element("div", made, class_="scroll") if self.scrolls else made
 
 
-Drawn = Callable[[], "Markup | Sequence[Markup]"]
-"""Makes a figure, or other markup; called only for a page."""
+def tabulate(
+    items: Iterable[Any],
+    columns: Mapping[str, Callable[[Any], str]],
+    style: str = "numbers",
+    *,
+    scrolls: bool = False,
+) -> Table:
+    """A row an item, in which each column, by its head, says something of it."""
+    rows = [[say(item) for say in columns.values()] for item in items]
+    return Table([*columns], rows, style, scrolls)
 
-Block = str | Mapping[str, str] | Table | Drawn
-"""Prose (or markup as it stands), entries, a table, or what makes a figure."""
+
+Shown = str | Mapping[str, str] | Table | Figure
+"""Prose (or markup as it stands), entries, a table, or a figure."""
+
+Block = Shown | Callable[[], "Shown | Sequence[Shown]"]
+"""The same, or what makes one or several: called only for a page."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +89,19 @@ def _block(block: Block) -> Markup:
         return block
     if isinstance(block, str):
         return element("p", typeset(block))
-    if isinstance(block, Table):
+    if isinstance(block, Table | Figure):
         return block.to_html()
     if isinstance(block, Mapping):
         return tables.definitions({name: typeset(words) for name, words in block.items() if words})
-    drawn = block()
-    return drawn if isinstance(drawn, Markup) else markup(*drawn)
+    made = block()
+    if isinstance(made, str | Mapping | Table | Figure):
+        return _block(made)
+    return markup(*map(_block, made))
+
+
+def aside(*words: str) -> Markup:
+    """A note in small letters, which pages alone have."""
+    return element("p", *words, class_="aside")
 
 
 def list_inputs(*inputs: Input | None, method: Sequence[str] = (), equation: str = "") -> Section:

@@ -8,13 +8,13 @@ from agonic.arrays import Mask
 from agonic.calibration.base import Calibration
 from agonic.calibration.thermal import MARGIN_C, Thermal
 from agonic.report import tables as blocks
-from agonic.report.axes import BINS, Axis, Columns, along_time
+from agonic.report.axes import Axis, Columns, over_time
 from agonic.report.digits import count, group_digits, quantity, write_minus
 from agonic.report.document import Document
+from agonic.report.figure import Figure, figure
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup
+from agonic.report.marks import foot, spread
 from agonic.report.section import Section
-from agonic.report.strips import caption, mark_rows, plot, spread
 from agonic.samples import Samples
 from agonic.thermal import figures, tables
 from agonic.thermal.fit.evidence import find_worst_sd
@@ -124,33 +124,25 @@ def _show_log(
 
 def _draw_magnitudes(
     samples: Samples, verification: Verification, beyond: Mask, unit: str
-) -> list[Markup]:
-    """The magnitude of a log over temperature and time, before and after the correction."""
+) -> list[Figure]:
+    """The magnitude of a log over temperature and time, before and after the correction: least to
+    largest of each column."""
     assert samples.temperature is not None
     level_C, time = samples.temperature, samples.time
     low, high = float(level_C.min()), float(level_C.max())
-    keys = {"before": "before", "after": "after the correction"}
-    if beyond.any():
-        keys["extrapolated"] = "extrapolated"
     x = Axis("temperature, °C", low, high if high > low else low + 1.0)
-    drawn = _draw_magnitude(Columns(x, level_C, _MOST), x, verification, unit, beyond)
-    parts = [caption("Magnitude over temperature", drawn, keys)]
+    along = {"temperature": Columns(x, level_C, _MOST)}
     if time is not None and len(samples) > 1:
-        x, along = along_time(time, float(time[0]), float(time[-1]))
-        drawn = _draw_magnitude(Columns(x, along, BINS), x, verification, unit, beyond)
-        parts.append(caption("Magnitude over time", drawn, keys))
-    return parts
-
-
-def _draw_magnitude(
-    columns: Columns, x: Axis, verification: Verification, unit: str, beyond: Mask
-) -> Markup:
-    """Least to largest magnitude of each column, before and after."""
+        along["time"] = over_time(time)
     before, after = verification.magnitude_before, verification.magnitude_after
-    ends = np.percentile(np.concatenate([before, after]), (0.25, 99.75))
-    margin = max(0.05 * float(ends[1] - ends[0]), 1e-6 * float(ends[1]), 1e-9)
-    y = Axis(f"magnitude, {unit}", float(ends[0]) - margin, float(ends[1]) + margin)
-    layers = [spread(columns, y, before, "before"), spread(columns, y, after, "after")]
-    if beyond.any():
-        layers.append(mark_rows(columns, beyond, "extrapolated"))
-    return plot(x, y, layers, f"Magnitude over {x.label}, before and after")
+    least, most = np.percentile(np.concatenate([before, after]), (0.25, 99.75)).tolist()
+    margin = max(0.05 * (most - least), 1e-6 * most, 1e-9)
+    y, drawn = Axis(f"magnitude, {unit}", least - margin, most + margin), []
+    for name, columns in along.items():
+        marks = [
+            spread(columns, before, "before", "before"),
+            spread(columns, after, "after", "after the correction"),
+            foot(columns, beyond, "extrapolated", "extrapolated"),
+        ]
+        drawn.append(figure(f"Magnitude over {name}", columns.x, y, *marks))
+    return drawn

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from agonic.health import sort_findings
-from agonic.report.digits import count, quantity, significant, with_sd, write_minus
+from agonic.report.digits import count, each_with_sd, name_each, quantity, significant, write_minus
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
 from agonic.report.markup import element
-from agonic.report.section import Block, Section
+from agonic.report.section import Block, Section, aside, tabulate
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
 from agonic.thermal import figures, tables
 from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures
@@ -143,7 +143,7 @@ def _compare(
         )
     return [
         lambda: tables.list_ratios(result.sensors, beside, words),
-        element("p", said, class_="aside"),
+        aside(said),
     ]
 
 
@@ -151,7 +151,7 @@ def _show_chamber(found: ChamberField | None) -> list[Block]:
     """The common mode of the sensors, and what each has beside it."""
     if found is None:
         said = "It takes two sensors with times to separate the chamber’s field from their errors."
-        return [element("p", said, class_="aside")]
+        return [aside(said)]
     turned = "in the axes of the chamber" if len(found.axes) > 1 else "along itself"
     said = (
         f"All sensors saw the field change {turned} by {quantity(found.common_sd, 'nT', 2)} (one "
@@ -166,14 +166,14 @@ def _show_chamber(found: ChamberField | None) -> list[Block]:
         lambda: figures.draw_chamber(found),
         said,
         tables.list_shares(found),
-        element("p", note, class_="aside"),
+        aside(note),
     ]
 
 
 def _show_recordings(campaign: Campaign) -> list[Block]:
     """Whether boards kept working, and the temperature at every station."""
     courses, _ = find_courses(campaign)
-    shown: list[Block] = [tables.show_boards(list_boards(campaign))]
+    shown: list[Block] = [tabulate(list_boards(campaign), tables.BOARDS, "parts", scrolls=True)]
     if courses:
         profile = campaign.description.profile
         shown.append(lambda: figures.draw_courses(dict(sorted(courses.items())), profile))
@@ -181,7 +181,7 @@ def _show_recordings(campaign: Campaign) -> list[Block]:
         "A restart is a clock that started again within a recording; missing are the readings "
         "that each sensor lost in gaps."
     )
-    return [*shown, element("p", note, class_="aside")]
+    return [*shown, aside(note)]
 
 
 def _describe_sensor(result: CalibratedSensor, files: Sequence[str]) -> Document:
@@ -234,14 +234,14 @@ def _compare_unseen(fit: ThermalFit) -> list[Block]:
         "readings before; the network has 64 hidden units of random weights. What helps here is "
         "not part of the calibration."
     )
-    return [tables.list_alternatives(fit), element("p", note, class_="aside")]
+    return [tables.list_alternatives(fit), aside(note)]
 
 
 def _show_stations(result: CalibratedSensor, fit: ThermalFit) -> list[Block]:
     """Bars for x, y, z and |B|, and the numbers of the last."""
     spread, unseen = fit.spread, result.held_out
     if spread is None:
-        return [element("p", "The readings belong to no stations.", class_="aside")]
+        return [aside("The readings belong to no stations.")]
     unit = unit_label(fit.calibration.unit_out)
     note = "Off the chamber’s magnitude: rms of the means of bins, their noise included."
     return [
@@ -250,7 +250,7 @@ def _show_stations(result: CalibratedSensor, fit: ThermalFit) -> list[Block]:
             "details",
             element("summary", "The numbers for the magnitude"),
             tables.list_stations(spread, unseen, unit).to_html(),
-            element("p", note, class_="aside") if unseen is not None else "",
+            aside(note) if unseen is not None else "",
         ),
     ]
 
@@ -263,7 +263,7 @@ def _compare_passes(fit: ThermalFit) -> list[Block]:
     lag = tables.describe_lag(fit.calibration)
     shown += [lag] if lag else []
     if fit.hysteresis is None:
-        shown.append(element("p", "Only one direction was recorded.", class_="aside"))
+        shown.append(aside("Only one direction was recorded."))
     return shown
 
 
@@ -272,26 +272,18 @@ def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:
     calibration = fit.calibration
     entries = {}
     for level in np.linspace(*calibration.range_C, 3):
-        rows = zip("xyz", calibration.bias_at(level), calibration.sd_at(level)[:3], strict=True)
-        numbers = "   ".join(f"{axis} {with_sd(float(b), float(s))}" for axis, b, s in rows)
-        entries[write_minus(f"Bias at {level:.1f} °C")] = f"{numbers} {calibration.unit_in}"
+        numbers = each_with_sd(calibration.bias_at(level), calibration.sd_at(level))
+        said = name_each("xyz", numbers, calibration.unit_in)
+        entries[write_minus(f"Bias at {level:.1f} °C")] = said
     middle = float(np.mean(calibration.range_C))
-    for group in _split_in_two(figures.evaluate_decomposition(calibration, np.array([middle]))):
-        numbers = "   ".join(
-            f"{curve.name.split()[-1]} "
-            + with_sd(float(curve.value[0]), None if curve.sd is None else float(curve.sd[0]))
-            for curve in group
-        )
-        label = group[0].name.rsplit(" ", 1)[0].capitalize()
-        entries[write_minus(f"{label} at {middle:.1f} °C")] = f"{numbers} {group[0].unit}".strip()
+    curves = figures.evaluate_decomposition(calibration, np.array([middle]))
+    for group in (curves[:3], curves[3:]) if curves else ():
+        names = [curve.name.rpartition(" ")[::2] for curve in group]
+        numbers = [each_with_sd(curve.value, curve.sd)[0] for curve in group]
+        said = name_each([axes for _, axes in names], numbers, group[0].unit)
+        entries[write_minus(f"{names[0][0].capitalize()} at {middle:.1f} °C")] = said
     if fit.spread is not None:
-        ratios = zip(figures.COMPONENTS, fit.spread.improvement, strict=True)
-        times = "   ".join(f"{name} {significant(float(r), 2)}" for name, r in ratios)
-        entries["Spread smaller by"] = f"{times} times"
+        ratios = (significant(float(ratio), 2) for ratio in fit.spread.improvement)
+        entries["Spread smaller by"] = name_each(figures.COMPONENTS, ratios, "times")
     entries["File"] = ", ".join(files)
     return entries
-
-
-def _split_in_two(found: list[figures.Curve]) -> list[list[figures.Curve]]:
-    """The three scale factors, and the three angles."""
-    return [part for part in (found[:3], found[3:]) if part]

@@ -12,11 +12,11 @@ from agonic.arrays import Array
 from agonic.calibration.affine import FREE_PARAMETERS, PARAMETERS
 from agonic.calibration.decomposition import decompose_at
 from agonic.calibration.thermal import Thermal
-from agonic.report import strips
-from agonic.report.axes import Axis, along_time, down, fit_axis, right
+from agonic.report import marks
+from agonic.report.axes import Axis, about_zero, along_time, fit_axis
+from agonic.report.figure import Figure, Panel, figure
 from agonic.report.labels import unit_label
 from agonic.report.markup import Markup, element
-from agonic.report.strips import area, caption, level, path, plot, points
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.checks.boards import Course
 from agonic.thermal.common_mode import ChamberField
@@ -102,13 +102,13 @@ class Dots(NamedTuple):
     kind: str
 
 
-def draw_decomposition(calibration: Thermal) -> Markup:
+def draw_decomposition(calibration: Thermal) -> Figure:
     """Scale factors and angles against temperature, as Nikolaev et al. (2023) show them."""
-    drawn = [draw_coefficient(curve, ()) for curve in evaluate_decomposition(calibration)]
-    keys = {"curve": "polynomial"}
-    if calibration.covariance is not None:
-        keys["band"] = "± 2 standard errors"
-    return caption("Scale factors and non-orthogonality over temperature", _arrange(drawn), keys)
+    return Figure(
+        title="Scale factors and non-orthogonality over temperature",
+        panels=[draw_coefficient(curve, ()) for curve in evaluate_decomposition(calibration)],
+        style="multiples",
+    )
 
 
 def select_dots(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[Dots, ...]:
@@ -130,28 +130,33 @@ def select_dots(bins: Bins | None, k: int, less: Curve | None = None) -> tuple[D
     return tuple(made)
 
 
-def draw_coefficient(curve: Curve, dots: Sequence[Dots]) -> Markup:
+def draw_coefficient(curve: Curve, dots: Sequence[Dots]) -> Panel:
     """One coefficient over temperature: dots of the bins, the polynomial and its band."""
-    cold, warm = float(curve.temperature[0]), float(curve.temperature[-1])
+    at, value = curve.temperature, curve.value
+    cold, warm = float(at[0]), float(at[-1])
     margin = 0.03 * max(warm - cold, 1e-9)
-    x = Axis("°C", cold - margin, warm + margin)
-    reach = np.zeros(len(curve.value)) if curve.sd is None else 2 * curve.sd
-    low, high = curve.value - reach, curve.value + reach
+    reach = np.zeros(len(value)) if curve.sd is None else 2 * curve.sd
+    band = marks.area("band", at, value - reach, value + reach, words="± 2 standard errors")
     shown = [_leave_out_outliers(curve, d) for d in dots if len(d.values)]
-    y = fit_axis(curve.label, np.concatenate([low, high, *shown]))
-    layers = []
-    if curve.sd is not None:
-        layers.append(area(x, y, curve.temperature, low, high, "band"))
-    layers += [strips.dots(x, y, d.temperature, d.values, f"dots {d.kind}") for d in dots]
-    layers.append(strips.curve(x, y, curve.temperature, curve.value, "curve"))
-    words = f"{curve.name} from {cold:.0f} to {warm:.0f} °C"
-    return plot(x, y, layers, words, kind="small")
+    return Panel(
+        x=Axis("°C", cold - margin, warm + margin),
+        y=fit_axis(curve.label, np.concatenate([value - reach, value + reach, *shown])),
+        marks=[
+            *([] if curve.sd is None else [band]),
+            *(
+                marks.dots(f"dots {d.kind}", d.temperature, d.values, words=f"one bin, {d.kind}")
+                for d in dots
+            ),
+            marks.curve("curve", at, value, words="polynomial"),
+        ],
+        kind="small",
+    )
 
 
-def draw_remainder(curve: Curve, bins: Bins | None, k: int) -> Markup:
+def draw_remainder(curve: Curve, bins: Bins | None, k: int) -> Panel:
     """What the polynomial leaves of each bin, with its band about zero."""
-    level_ = np.zeros_like(curve.value)
-    return draw_coefficient(curve._replace(value=level_), select_dots(bins, k, less=curve))
+    zero = curve._replace(value=np.zeros_like(curve.value))
+    return draw_coefficient(zero, select_dots(bins, k, less=curve))
 
 
 def _leave_out_outliers(curve: Curve, dots: Dots) -> Array:
@@ -160,166 +165,122 @@ def _leave_out_outliers(curve: Curve, dots: Dots) -> Array:
     return dots.values[away <= _OUTLIER * float(np.median(away)) + 1e-300]
 
 
-def _draw_station_bars(found: Spread, held_out: HeldOut | None, column: int, label: str) -> Markup:
-    """The standard deviation of the readings at every station, before and after, as bars."""
-    kinds = [("before", found.stations, found.before), ("after", found.stations, found.after)]
-    if held_out is not None:
-        kinds.append(("unseen", held_out.spread.stations, held_out.spread.after))
-    numbers = np.array(found.stations, dtype=np.float64)
-    x = Axis("station", float(numbers.min()) - 0.6, float(numbers.max()) + 0.6)
-    highest = max(float(values[:, column].max(initial=0.0)) for _, _, values in kinds)
-    y = Axis(label, 0.0, 1.05 * max(highest, 1e-9))
-    width = 0.8 / len(kinds)
-    layers = [
-        _draw_bars(
-            x, y, np.array(at, dtype=np.float64) - 0.4 + k * width, width, values[:, column], name
-        )
-        for k, (name, at, values) in enumerate(kinds)
-    ]
-    return plot(x, y, layers, f"{label} at every station, before and after", kind="small")
-
-
-def _draw_bars(x: Axis, y: Axis, at: Array, width: float, values: Array, name: str) -> Markup:
-    left, end, top = right(x, at), right(x, at + 0.92 * width), down(y, values)
-    drawn = (f"M{a:.1f} 1000V{t:.1f}H{b:.1f}V1000Z" for a, b, t in zip(left, end, top, strict=True))
-    return path("".join(drawn), f"bar {name}")
-
-
-def _draw_variances(variances: Array, chosen: int) -> Markup:
-    """The variance of the scaled residuals of each coefficient against the order."""
-    shown = np.log10(np.maximum(variances, _LEAST_VARIANCE))
-    known = np.isfinite(shown)
-    order = np.arange(variances.shape[1], dtype=np.float64)
-    x = Axis("order of the polynomial", -0.3, float(order[-1]) + 0.3)
-    top = float(shown[known].max())
-    y = Axis(
-        "variance of the scaled residuals, power of ten",
-        min(-0.2, float(shown[known].min())),
-        max(1.0, 1.05 * top),
-    )
-    layers = [path(f"M{float(right(x, np.array(float(chosen)))):.1f} 0V1000", "chosen")]
-    for k, row in enumerate(shown):
-        there = np.isfinite(row)
-        name = "of-bias" if k < 3 else "of-matrix"
-        layers.append(strips.curve(x, y, order[there], row[there], name))
-    return plot(x, y, layers, f"Variance of the residuals against the order; {chosen} is used")
-
-
-def _draw_chamber_axis(found: ChamberField, axis: int) -> Markup:
-    """The field of the chamber along an axis over time, and what each sensor saw."""
-    x, along = along_time(found.time, 0.0, float(found.time.max()), since="the campaign began")
-    x = replace(x, high=1.01 * x.high)
-    common = found.change[:, axis]
-    each = [common + share.own[:, axis] for share in found.shares]
-    reach = float(np.percentile(np.abs(np.concatenate([common, *each])), 99.0))
-    limit = 1.1 * max(reach, float(np.abs(common).max()), 1e-9)
-    y = Axis(f"{found.axes[axis]}, nT", -limit, limit)
-    layers = [level(y, 0.0, "zero")]
-    layers += [strips.dots(x, y, along, values, "dots each") for values in each]
-    parts = []
-    for number in np.unique(found.station):
-        rows = found.station == number
-        parts.append(f"M{points(right(x, along[rows]), down(y, common[rows]))}")
-    layers.append(path("".join(parts), "common"))
-    return plot(x, y, layers, f"The chamber’s field {found.axes[axis]} over time", kind="short")
-
-
-def draw_coefficients(calibration: Thermal, bins: Bins | None = None) -> list[Markup]:
+def draw_coefficients(calibration: Thermal, bins: Bins | None = None) -> list[Figure | Markup]:
     """Every coefficient against temperature, and what the polynomials leave of the bins."""
     shown = evaluate_coefficients(calibration)
     drawn = [draw_coefficient(curve, select_dots(bins, k)) for k, curve in enumerate(shown)]
-    dots = {"cooling": "one bin, cooling", "heating": "one bin, heating"}
-    keys = {} if bins is None else dots
-    keys = {**keys, "curve": "polynomial"}
-    if calibration.covariance is not None:
-        keys["band"] = "± 2 standard errors"
-    parts = [caption("Bias and matrix over temperature", _arrange(drawn), keys)]
-    if bins is not None:
-        left = [draw_remainder(curve, bins, k) for k, curve in enumerate(shown)]
-        parts.append(
-            element(
-                "details",
-                element("summary", "The same less the polynomial"),
-                caption("What the polynomials leave of the bins", _arrange(left), keys),
-            )
-        )
-    return parts
+    whole = Figure(title="Bias and matrix over temperature", panels=drawn, style="multiples")
+    if bins is None:
+        return [whole]
+    left = Figure(
+        title="What the polynomials leave of the bins",
+        panels=[draw_remainder(curve, bins, k) for k, curve in enumerate(shown)],
+        style="multiples",
+    )
+    said = element("summary", "The same less the polynomial")
+    return [whole, element("details", said, left.to_html())]
 
 
-def _arrange(drawn: Sequence[Markup], kind: str = "") -> Markup:
-    return element("div", *drawn, class_=f"multiples {kind}".strip())
-
-
-def draw_stations(before_and_after: Spread, held_out: HeldOut | None, unit: str) -> Markup:
-    """Bars for x, y, z and |B| at every station."""
-    drawn = [
-        _draw_station_bars(before_and_after, held_out, k, f"{name}, {unit}")
-        for k, name in enumerate(COMPONENTS)
-    ]
-    keys = {"before": "before", "after": "after"}
-    note = ""
-    if held_out is not None:
-        keys["unseen"] = "after, by a fit that has not seen the station"
-        note = f"{held_out.folds} fits, each without some of the stations, were tried on those."
-    name = "Standard deviation of the readings over temperature"
-    return caption(name, _arrange(drawn, "two"), keys, note)
-
-
-def draw_courses(courses: Mapping[int, Course], profile: Profile | None) -> Markup:
-    """The temperature at every station over time, a value a minute, and the programme behind it."""
-    longest = max(len(course.level_C) for course in courses.values()) / 60
-    levels = np.concatenate([course.level_C for course in courses.values()])
-    x = Axis("hours", 0.0, longest)
-    planned: tuple[Array, Array] | None = None
-    if profile is not None:
-        planned = profile.corners[0] / 3600, profile.corners[1]
-        levels = np.append(levels, [profile.lowest_C, profile.highest_C])
-    y = fit_axis("°C", levels)
-    drawn = [_draw_course(x, y, number, course, planned) for number, course in courses.items()]
-    keys = {"common": "median of the thermometers"}
-    if planned is not None:
-        keys["chosen"] = "programme"
-    return caption("Temperature at each station", _arrange(drawn, "courses"), keys)
-
-
-def _draw_course(
-    x: Axis, y: Axis, number: int, course: Course, planned: tuple[Array, Array] | None
-) -> Markup:
-    """The temperature of one station, broken where nothing was recorded."""
-    step = max(1, -(-len(course.level_C) // MOST_DOTS))
-    level_ = course.level_C[::step]
-    across = right(x, (np.arange(len(level_)) * step + 0.5) / 60)
-    layers = []
-    if planned is not None:
-        there = planned[0] <= x.high
-        layers.append(strips.curve(x, y, planned[0][there], planned[1][there], "chosen"))
-    known = np.isfinite(level_)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
-    runs = zip(edges[::2], edges[1::2], strict=True)
-    drawn = "".join(f"M{points(across[a:b], down(y, level_[a:b]))}" for a, b in runs)
-    layers.append(path(drawn, "common"))
-    shown = replace(y, label=f"station {number}, °C")
-    return plot(x, shown, layers, f"Temperature at station {number} over time", kind="small")
-
-
-def draw_orders(fit: ThermalFit) -> Markup:
-    """The curve of residual variance over the order, and who chose the order."""
-    order = fit.calibration.degree
+def draw_orders(fit: ThermalFit) -> Figure | Markup:
+    """The variance of the scaled residuals of each coefficient over the order, and who chose the
+    order."""
+    chosen = fit.calibration.degree
     auto = fit.calibration.provenance.settings.get("degree") == "auto"
     said = (
-        f"Order {order}: the smallest after which no variance falls markedly."
+        f"Order {chosen}: the smallest after which no variance falls markedly."
         if auto
-        else f"Order {order}, as asked for."
+        else f"Order {chosen}, as asked for."
     )
     if fit.variances is None:
         return element("p", said)
-    keys = {"of-bias": "bias", "of-matrix": "matrix", "chosen": "used"}
-    name = "Variance of what the polynomials leave of the bins, over that of their noise"
-    return caption(name, _draw_variances(fit.variances, order), keys, said)
+    shown = np.log10(np.maximum(fit.variances, _LEAST_VARIANCE))
+    known, order = shown[np.isfinite(shown)], np.arange(shown.shape[1])
+    kinds = ["bias"] * 3 + ["matrix"] * (len(shown) - 3)
+    return figure(
+        "Variance of what the polynomials leave of the bins, over that of their noise",
+        Axis("order of the polynomial", -0.3, float(order[-1]) + 0.3),
+        Axis(
+            "variance of the scaled residuals, power of ten",
+            min(-0.2, float(known.min())),
+            max(1.0, 1.05 * float(known.max())),
+        ),
+        marks.upright("chosen", chosen, words="used"),
+        *(
+            marks.curve(f"of-{kind}", order, row, words=kind)
+            for row, kind in zip(shown, kinds, strict=True)
+        ),
+        note=said,
+    )
 
 
-def draw_chamber(found: ChamberField) -> Markup:
-    """The chamber's field along each axis over time."""
-    drawn = Markup("".join(_draw_chamber_axis(found, axis) for axis in range(len(found.axes))))
-    keys = {"common": "common to all sensors", "each": "each sensor, mean of a window"}
-    return caption("Changes of the field at each station, less their mean", drawn, keys)
+def draw_stations(found: Spread, held_out: HeldOut | None, unit: str) -> Figure:
+    """The standard deviation of the readings at every station, before and after, as bars, for x, y,
+    z and |B|."""
+    kinds = [
+        ("before", "before", found.stations, found.before),
+        ("after", "after", found.stations, found.after),
+    ]
+    note = ""
+    if held_out is not None:
+        words = "after, by a fit that has not seen the station"
+        kinds.append(("unseen", words, held_out.spread.stations, held_out.spread.after))
+        note = f"{held_out.folds} fits, each without some of the stations, were tried on those."
+    numbers, width = np.array(found.stations, dtype=np.float64), 0.8 / len(kinds)
+    x = Axis("station", float(numbers.min()) - 0.6, float(numbers.max()) + 0.6)
+    panels = []
+    for column, component in enumerate(COMPONENTS):
+        highest = max(float(values[:, column].max(initial=0.0)) for *_, values in kinds)
+        drawn = []
+        for k, (name, words, at, values) in enumerate(kinds):
+            left, of = np.array(at) - 0.4 + k * width, values[:, column]
+            ends = left, left + 0.92 * width, 0 * of, of
+            drawn.append(marks.bars(f"bar {name}", *ends, words=words))
+        y = Axis(f"{component}, {unit}", 0.0, 1.05 * max(highest, 1e-9))
+        panels.append(Panel(x=x, y=y, marks=drawn, kind="small"))
+    title = "Standard deviation of the readings over temperature"
+    return Figure(title=title, panels=panels, note=note, style="multiples two")
+
+
+def draw_courses(courses: Mapping[int, Course], profile: Profile | None) -> Figure:
+    """The temperature at every station over time, a value a minute, broken where nothing was
+    recorded, and the programme behind it."""
+    x = Axis("hours", 0.0, max(len(course.level_C) for course in courses.values()) / 60)
+    levels, programme = [course.level_C for course in courses.values()], []
+    if profile is not None:
+        levels.append(np.array([profile.lowest_C, profile.highest_C]))
+        hours, planned = profile.corners[0] / 3600, profile.corners[1]
+        there = hours <= x.high
+        programme = [marks.curve("chosen", hours[there], planned[there], words="programme")]
+    y, panels = fit_axis("°C", np.concatenate(levels)), []
+    for number, course in courses.items():
+        step = max(1, -(-len(course.level_C) // MOST_DOTS))
+        shown = course.level_C[::step]
+        across = (np.arange(len(shown)) * step + 0.5) / 60
+        median = marks.curve("common", across, shown, words="median of the thermometers")
+        own = replace(y, label=f"station {number}, °C")
+        panels.append(Panel(x=x, y=own, marks=[*programme, median], kind="small"))
+    return Figure(title="Temperature at each station", panels=panels, style="multiples courses")
+
+
+def draw_chamber(found: ChamberField) -> Figure:
+    """The chamber's field along each axis over time, and what each sensor saw."""
+    panels = [_draw_chamber_axis(found, axis) for axis in range(len(found.axes))]
+    return Figure(title="Changes of the field at each station, less their mean", panels=panels)
+
+
+def _draw_chamber_axis(found: ChamberField, axis: int) -> Panel:
+    x, along = along_time(found.time, 0.0, float(found.time.max()), since="the campaign began")
+    common = found.change[:, axis]
+    each = [common + share.own[:, axis] for share in found.shares]
+    reach = float(np.percentile(np.abs(np.concatenate([common, *each])), 99.0))
+    new_station = np.flatnonzero(np.diff(found.station)) + 1
+    time, broken = (np.insert(values, new_station, np.nan) for values in (along, common))
+    limit = 1.1 * max(reach, float(np.abs(common).max()), 1e-9)
+    seen = "each sensor, mean of a window"
+    drawn = [
+        marks.level("zero", 0.0),
+        *(marks.dots("dots each", along, values, words=seen) for values in each),
+        marks.curve("common", time, broken, words="common to all sensors"),
+    ]
+    y = about_zero(f"{found.axes[axis]}, nT", limit)
+    return Panel(x=replace(x, high=1.01 * x.high), y=y, marks=drawn, kind="short")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,16 @@ from agonic.calibration.thermal import Thermal
 from agonic.readable import make_record
 from agonic.report.digits import (
     count,
+    each_with_sd,
     group_digits,
     quantity,
     show_sign,
-    with_sd,
     with_sd_in_powers,
     write_minus,
 )
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element, row, table
-from agonic.report.section import Block, Table
+from agonic.report.markup import Markup, element, row
+from agonic.report.section import Block, Table, tabulate
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS
 from agonic.thermal import figures
@@ -37,29 +38,25 @@ from agonic.thermal.result import CalibratedCampaign, CalibratedSensor, HeldOut
 _MOST_TIMES = 5
 
 
-def list_sensors(result: CalibratedCampaign) -> Markup:
+def list_sensors(result: CalibratedCampaign) -> Table:
     """A row for every sensor, with a link to its part of the page."""
-    head = ["Sensor", "Verdict", "Readings", "Bias standard error", "Spread of |B|", "Noise"]
-    rows = [_list_sensor(k, sensor) for k, sensor in enumerate(result.sensors, start=1)]
-    return table(head, rows, class_="sensors")
+    numbers = {one.name: k for k, one in enumerate(result.sensors, start=1)}
 
+    def ask(say: Callable[[ThermalFit], str]) -> Callable[[CalibratedSensor], str]:
+        return lambda sensor: NOTHING if sensor.fit is None else say(sensor.fit)
 
-def _list_sensor(number: int, sensor: CalibratedSensor) -> list[str]:
-    link = element("a", sensor.name, href=f"#sensor-{number}")
-    word = mark(sensor.verdict, MEANINGS[sensor.verdict][0])
-    fit = sensor.fit
-    if fit is None:
-        return [link, word, *[NOTHING] * 4]
-    unit = unit_label(fit.calibration.unit_in)
-    known = quantity(find_worst_sd(fit.calibration)[0], unit, 2)
-    return [
-        link,
-        word,
-        group_digits(fit.n),
-        known,
-        format_spread(fit),
-        quantity(fit.noise, unit, 2),
-    ]
+    def known(value: float, fit: ThermalFit) -> str:
+        return quantity(value, unit_label(fit.calibration.unit_in), 2)
+
+    columns = {
+        "Sensor": lambda one: element("a", one.name, href=f"#sensor-{numbers[one.name]}"),
+        "Verdict": lambda one: mark(one.verdict, MEANINGS[one.verdict][0]),
+        "Readings": ask(lambda fit: group_digits(fit.n)),
+        "Bias standard error": ask(lambda fit: known(find_worst_sd(fit.calibration)[0], fit)),
+        "Spread of |B|": ask(format_spread),
+        "Noise": ask(lambda fit: known(fit.noise, fit)),
+    }
+    return tabulate(result.sensors, columns, "sensors")
 
 
 def format_spread(fit: ThermalFit) -> str:
@@ -104,37 +101,31 @@ def list_ratios(
 
 def list_shares(found: ChamberField) -> Table:
     """What the changes at a station consist of, for every sensor."""
-    head = ["Sensor", "Changes in all", "Chamber’s field", "Noise of the readings", "Its own"]
-    rows = [
-        [
-            share.name,
-            *(
-                quantity(value, "nT", 2) if value >= 0.05 else "none"
-                for value in (share.total_sd, found.common_sd, share.noise_sd, share.own_sd)
-            ),
-        ]
-        for share in found.shares
-    ]
-    return Table(head, rows, style="parts")
+
+    def show(sd: float) -> str:
+        return quantity(sd, "nT", 2) if sd >= 0.05 else "none"
+
+    columns = {
+        "Sensor": lambda share: share.name,
+        "Changes in all": lambda share: show(share.total_sd),
+        "Chamber’s field": lambda _: show(found.common_sd),
+        "Noise of the readings": lambda share: show(share.noise_sd),
+        "Its own": lambda share: show(share.own_sd),
+    }
+    return tabulate(found.shares, columns, "parts")
 
 
-def show_boards(boards: Sequence[Board]) -> Table:
-    """How the recordings of each board were kept up."""
-    head = ["Board", "Stations", "Readings", "Left out", "Missing", "Gaps", "Longest", "Restarts"]
-    rows = [
-        [
-            board.name,
-            join_numbers(board.stations),
-            group_digits(board.readings),
-            group_digits(board.rejected),
-            group_digits(board.missing),
-            f"{sum(board.gaps.values())}",
-            quantity(board.longest_s, "s", 3) if board.gaps else NOTHING,
-            f"{sum(board.restarts.values())}",
-        ]
-        for board in boards
-    ]
-    return Table(head, rows, style="parts", scrolls=True)
+BOARDS: dict[str, Callable[[Board], str]] = {
+    "Board": lambda board: board.name,
+    "Stations": lambda board: join_numbers(board.stations),
+    "Readings": lambda board: group_digits(board.readings),
+    "Left out": lambda board: group_digits(board.rejected),
+    "Missing": lambda board: group_digits(board.missing),
+    "Gaps": lambda board: str(sum(board.gaps.values())),
+    "Longest": lambda board: quantity(board.longest_s, "s", 3) if board.gaps else NOTHING,
+    "Restarts": lambda board: str(sum(board.restarts.values())),
+}
+"""How the recordings of each board were kept up."""
 
 
 def list_alternatives(fit: ThermalFit) -> Table:
@@ -149,38 +140,23 @@ def list_alternatives(fit: ThermalFit) -> Table:
 def list_numbers(calibration: Thermal) -> Table:
     """Bias, matrix, scale factors and angles at both ends and in the middle of the range."""
     levels = np.linspace(*calibration.range_C, 3)
-    head = ["Number", *(write_minus(f"at {level:.1f} °C") for level in levels)]
-    rows = [
-        [
-            curve.label,
-            *(
-                with_sd(float(value), None if curve.sd is None else float(curve.sd[k]))
-                for k, value in enumerate(curve.value)
-            ),
-        ]
-        for curve in (
-            *figures.evaluate_coefficients(calibration, levels),
-            *figures.evaluate_decomposition(calibration, levels),
-        )
-    ]
-    return Table(head, rows)
+    curves = (
+        *figures.evaluate_coefficients(calibration, levels),
+        *figures.evaluate_decomposition(calibration, levels),
+    )
+    rows = [[curve.label, *each_with_sd(curve.value, curve.sd)] for curve in curves]
+    return Table(["Number", *(write_minus(f"at {level:.1f} °C") for level in levels)], rows)
 
 
 def list_powers(calibration: Thermal) -> Table:
     """k0, k1, … of bias and matrix in powers of the temperature in °C, as they are published."""
     values, sd = expand_in_temperature(calibration)
-    head = ["Number", *(f"k{k}" for k in range(calibration.degree + 1))]
+    sds = repeat(None) if sd is None else sd
     rows = [
-        [
-            name.replace("_", " "),
-            *(
-                with_sd_in_powers(float(value), None if sd is None else float(sd[row, k]))
-                for k, value in enumerate(values[row])
-            ),
-        ]
-        for row, name in enumerate(name_nine(calibration))
+        [name.replace("_", " "), *each_with_sd(of, known, with_sd_in_powers)]
+        for name, of, known in zip(name_nine(calibration), values, sds, strict=False)
     ]
-    return Table(head, rows)
+    return Table(["Number", *(f"k{k}" for k in range(calibration.degree + 1))], rows)
 
 
 def name_nine(calibration: Thermal) -> tuple[str, ...]:
@@ -217,13 +193,12 @@ def list_hysteresis(found: Hysteresis, calibration: Thermal) -> Table:
     """Cooling less heating of every coefficient."""
     unit = unit_label(calibration.unit_in)
     head = ["Cooling less heating", "Mean over temperature", "Largest, smoothed over 5 °C"]
-    rows = []
-    for k, name in enumerate(PARAMETERS):
-        known = with_sd(float(found.difference[k]), float(found.sd[k]))
-        label = name.replace("_", " ") + (f", {unit}" if k < 3 else "")
-        largest = quantity(float(found.largest[k]), "", 2)
-        rows.append([label, show_sign(known), largest])
-    return Table(head, rows)
+    known = map(show_sign, each_with_sd(found.difference, found.sd))
+    largest = (quantity(value, "", 2) for value in found.largest.tolist())
+    names = (
+        name.replace("_", " ") + (f", {unit}" if k < 3 else "") for k, name in enumerate(PARAMETERS)
+    )
+    return Table(head, [*zip(names, known, largest, strict=True)])
 
 
 def describe_lag(calibration: Thermal) -> str:

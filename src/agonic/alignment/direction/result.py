@@ -12,12 +12,12 @@ from agonic.arrays import Array, Index
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.provenance import Input
 from agonic.readable import Readable
-from agonic.report.axes import Axis, Columns, along_time
+from agonic.report.axes import Axis, over_time
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
-from agonic.report.markup import Markup
+from agonic.report.figure import Figure, figure
+from agonic.report.marks import band, line
 from agonic.report.section import Section, list_inputs
-from agonic.report.strips import band, caption, line, plot
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -219,12 +219,10 @@ def describe_direction(found: FieldDirection, inputs: Sequence[Input | None] = (
     )
 
 
-def _draw(found: FieldDirection) -> list[Markup]:
+def _draw(found: FieldDirection) -> list[Figure]:
     """A strip of each angle: the readings and a band of one standard error."""
     columns, drawn = found.columns(), []
-    keys = {"bias": "mean of the readings", "band": "one standard error of a reading"}
-    x, along = along_time(found.time, float(found.time[0]), float(found.time[-1]))
-    means = Columns(x, along)
+    means = over_time(found.time)
     for name, (title, sd) in ANGLES.items():
         if name in columns:
             angle = np.degrees(np.unwrap(np.radians(columns[name])))
@@ -232,6 +230,7 @@ def _draw(found: FieldDirection) -> list[Markup]:
             middle, spread = means.mean(angle), means.mean(columns[sd] / per)
             low, high = middle - spread, middle + spread
             y = Axis("degrees", float(low.min()), float(high.max()))
-            layers = [band(means, y, low, high, "band"), line(means, y, middle, "bias")]
-            drawn.append(caption(title, plot(x, y, layers, f"{title} over time"), keys))
+            error = band(means, low, high, words="one standard error of a reading")
+            shown = line(means, middle, "bias", "mean of the readings")
+            drawn.append(figure(title, means.x, y, error, shown))
     return drawn

@@ -203,13 +203,11 @@ def describe_deviation(
     """The card, and the coefficients with their evidence; `blank` rows of the swing were empty."""
     remedies = () if fit.verdict == "refused" else find_remedies(fit.calibration)
     told = dict(zip(("to do", "or", "or better"), map(str, remedies), strict=False))
-    return CardDocument(
+    return CardDocument.judge(
+        fit,
         schema="agonic/fit-deviation@1",
         kind="Compass deviation card",
         name=fit.calibration.sensor,
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
         values={**_values(fit), "blank": blank, "remedies": [asdict(each) for each in remedies]},
         fit=fit,
         step_deg=step_deg,

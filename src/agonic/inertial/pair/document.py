@@ -30,14 +30,12 @@ def describe_pair(fit: PairFit, sensor: str, following: str = "") -> Document:
         said.insert(0, "Known mostly from the prior: " + "; ".join(fit.prior_only) + ".")
     improve = Section("What more shots would improve", said, printed=bool(fit.prior_only))
     sections = [_shots(fit), *([] if refused else [_terms(fit), improve])]
-    return Document(
+    return Document.judge(
+        fit,
         schema="agonic/fit-pair@1",
         kind="Accelerometer and magnetometer together",
         name=sensor,
         method=f"with its accelerometer, from {fit.n} attitudes at rest",
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
         entries={} if refused else _entries(fit),
         sections=sections,
         values=_values(fit, sensor),
@@ -149,14 +147,12 @@ def describe_check(check: PairCheck, sensor: str) -> Document:
         for change in check.changes
     ]
     said = "Each change at its best, its effect on headings, and how likely it is by chance."
-    return Document(
+    return Document.judge(
+        check,
         schema="agonic/check-pair@1",
         kind="Check of a setup by shots",
         name=sensor,
         method=f"a setup by {len(check.shot)} shots",
-        verdict=check.verdict,
-        status=check.status,
-        findings=check.findings,
         sections=[Section("What may have changed", [said, Table(CHANGE_HEAD, rows)])],
         values={
             "sensor": sensor,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from agonic.arrays import Array
 from agonic.calibration.affine import Affine
 from agonic.calibration.decomposition import decompose
 from agonic.calibration.interference import signals
@@ -18,12 +18,11 @@ from agonic.inflight.report.flight import Flight, flight_of_fit, flight_of_log
 from agonic.inflight.tracking.result import Coefficients
 from agonic.inflight.tracking.tracker import Tracker
 from agonic.readable import make_record
-from agonic.report.digits import NO_BREAK, count, group_digits, quantity, with_sd
+from agonic.report.digits import NO_BREAK, count, each_with_sd, group_digits, name_each, quantity
 from agonic.report.document import Document
 from agonic.report.labels import per_label, unit_label
-from agonic.report.markup import Markup, element
-from agonic.report.section import Section
-from agonic.report.strips import beyond_words, caption, has_enough
+from agonic.report.markup import element
+from agonic.report.section import Block, Section, Shown, aside
 from agonic.samples import Samples
 
 
@@ -38,23 +37,23 @@ def describe_inflight(
     if fit.correlation >= 1.05:
         every = quantity(fit.correlation_s, "s", 2)
         lasts = f"; errors are correlated, as if independent readings came every {every}"
-    document = Document(
+    document = Document.judge(
+        fit,
         schema="agonic/fit-inflight@1",
         kind="Calibration in flight",
         name=fit.change.sensor,
         title=title,
         method=f"in flight, {fit.solve}, {count(fit.n, 'reading')}",
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
         entries={
             "Field": str(reference or ""),
-            "Bias" if fit.ground is None else "Moved by": (
-                f"{join_axes(fit.change.bias, sd[:3])} {unit}"
+            "Bias" if fit.ground is None else "Moved by": name_each(
+                "xyz", each_with_sd(fit.change.bias, sd), unit
             ),
             **(describe_decomposition(fit.change) if fit.solve != "bias" else {}),
             **{
-                name: f"{join_axes(values, sds)} {unit_label(unit)} {per_label(name)}"
+                name: name_each(
+                    "xyz", each_with_sd(values, sds), f"{unit_label(unit)} {per_label(name)}"
+                )
                 for name, values, sds in zip(names, fit.sources.T, fit.sources_sd.T, strict=True)
             },
             "Residual": f"{quantity(rms, 'nT', 3)} rms{lasts}",
@@ -118,14 +117,12 @@ def describe_tracking(
     rms, new = None, 0 if found is None else len(found.residual)
     if found is not None:  # without those of which a start could not yet say anything
         rms = float(np.sqrt(np.mean(found.residual[found.foretold] ** 2)))
-    document = Document(
+    document = Document.judge(
+        tracker,
         schema="agonic/track@1",
         kind="Calibration followed in flight",
         name=state.base.sensor,
         title=title,
-        verdict=tracker.verdict,
-        status=tracker.status,
-        findings=tracker.findings,
         entries=_list_tracking_entries(tracker, new, rows - new, rms),
         entries_title="",
         values={
@@ -170,7 +167,7 @@ def _list_tracking_entries(
     return {
         "Readings": f"{group_digits(new)} new{passed}; {group_digits(state.n)} in all, "
         f"{group_digits(state.refused)} did not fit",
-        "Bias": f"{join_axes(state.bias, state.bias_sd)} {unit}",
+        "Bias": name_each("xyz", each_with_sd(state.bias, state.bias_sd), unit),
         "Model": f"noise {quantity(state.noise, unit)}, random walk "
         f"{tracker.params.walk:.3g} {unit} per √s",
         "Residual": ""
@@ -187,18 +184,20 @@ def _list_tracking_entries(
 
 def _add_figures(document: Document, flight: Flight) -> Document:
     """The document with what is shown of a flight on a page."""
-    moved, said = np.ptp(flight.course.bias, axis=0).any(), "It was taken as constant over the "
-    constant = element("p", f"{said}record: see its numbers below.")
+    of = "what is found in flight" if flight.fit else "the bias"
+    bias: Block = "It was taken as constant over the record: see its numbers below."
+    if np.ptp(flight.course.bias, axis=0).any():
+        bias = partial(figures.draw_course, flight.course, of)
     sections = [
-        Section("Bias over time", [(lambda: figures.draw_course(flight)) if moved else constant]),
+        Section("Bias over time", [bias]),
         tables.compare_numbers(flight.numbers),
         Section("Residuals", [lambda: _draw_residuals(flight)]),
-        *(() if flight.fit is None else tables.describe_direction(flight.fit)),
-        *(() if flight.fit is None else tables.describe_sources(flight.fit)),
+        Section("Direction", tables.describe_direction(flight.fit)),
+        Section("Currents on board", tables.describe_sources(flight.fit)),
         Section("Error of the model", [tables.describe_model_error(flight)]),
         Section("Likely causes", [lambda: tables.list_causes(tables.explain(flight))]),
-        Section("Left out", [tables.list_left_out(flight)]),
-        Section("What was chosen, and the held-out error", [tables.list_held_out(flight)]),
+        Section("Left out", tables.list_left_out(flight)),
+        Section("What was chosen, and the held-out error", tables.list_held_out(flight)),
     ]
     return replace(
         document,
@@ -211,38 +210,26 @@ def _add_figures(document: Document, flight: Flight) -> Document:
     )
 
 
-def _draw_residuals(flight: Flight) -> list[Markup]:
+def _draw_residuals(flight: Flight) -> list[Shown]:
     """Over time, along latitude and temperature, in sunlight and shadow, and where they lie."""
-    limit = figures.residual_limit(flight)
-    keys = {"range": "least to largest", "middle": "the middle two thirds", "mean": "median"}
-    timed = dict(keys)
-    if not has_enough(len(flight.residuals)):
-        del timed["middle"]
-    if len(figures.find_shadows(flight)):
-        timed["shadow"] = "in the Earth’s shadow"
-    if figures.has_left_out(flight):
-        timed["left-out"] = "mostly left out"
-    beyond = beyond_words(flight.residuals, limit, "nT")
-    parts = [caption("Over time", figures.draw_over_time(flight, limit), timed, beyond)]
-    missing = []
+    limit, missing = figures.residual_limit(flight), []
+    parts: list[Shown] = [figures.draw_over_time(flight, limit)]
     along = {"latitude": (flight.latitude_deg, "°"), "temperature": (flight.temperature, "°C")}
     for name, (values, unit) in along.items():
         if values is None:
             missing.append(name)
         else:
-            drawn = figures.draw_along(flight, values, f"{name}, {unit}", limit)
-            parts.append(caption(f"Along {name}", drawn, keys))
+            parts.append(figures.draw_along(flight, values, name, unit, limit))
     if flight.eclipse is None:
         missing.append("sunlight and shadow (position and date)")
     else:
-        parts += [element("h3", "Sunlight and shadow"), tables.compare_sunlight(flight)]
+        parts += [element("h3", "Sunlight and shadow"), *tables.compare_sunlight(flight)]
     if flight.latitude_deg is None or flight.longitude_deg is None:
         missing.append("place")
     else:
         parts.append(figures.draw_map(flight, limit))
     if missing:
-        said = f"The log does not hold {', '.join(missing)}: not drawn."
-        parts.append(element("p", said, class_="aside"))
+        parts.append(aside(f"The log does not hold {', '.join(missing)}: not drawn."))
     return parts
 
 
@@ -264,15 +251,9 @@ def _list_key_figures(flight: Flight) -> list[tuple[str, str, str]]:
 def describe_decomposition(calibration: Affine) -> Mapping[str, str]:
     """The sensitivity of each axis and how far the axes are from square, with standard errors."""
     found, pairs = decompose(calibration), ("xy", "xz", "yz")
+    scales = each_with_sd(found.scale_factors, found.scale_factors_sd)
     angles, sds = found.nonorthogonality_deg, found.nonorthogonality_sd_deg
     return {
-        "Scale": join_axes(found.scale_factors, found.scale_factors_sd, blank=NO_BREAK),
-        "Angles": f"{join_axes(angles, sds, pairs, blank=NO_BREAK)}°",
+        "Scale": name_each("xyz", scales, blank=NO_BREAK),
+        "Angles": name_each(pairs, each_with_sd(angles, sds), "°", blank=NO_BREAK),
     }
-
-
-def join_axes(values: Array, sds: Array, names: Sequence[str] = "xyz", *, blank: str = " ") -> str:
-    """Numbers of axes with their standard errors, in a line."""
-    each = zip(names, values, sds, strict=True)
-    parts = (f"{name} {with_sd(float(value), float(sd))}" for name, value, sd in each)
-    return "   ".join(part.replace(" ", blank) for part in parts)

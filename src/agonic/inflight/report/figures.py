@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from agonic.arrays import Array, Index
 from agonic.inflight.report.flight import Course, Flight
-from agonic.report import strips
-from agonic.report.axes import BINS, Axis, Columns, along_time, right
+from agonic.report.axes import Axis, Columns, about_zero, along_time, over_time, right
 from agonic.report.digits import group_digits, quantity
+from agonic.report.figure import Figure, Panel, beyond_words, figure, path, robust_limit
 from agonic.report.labels import unit_label
+from agonic.report.marks import band, foot, line, residuals, span, spread, upright
 from agonic.report.markup import Markup, element
 
 MOST_SHADOWS = 60
@@ -25,54 +26,40 @@ _WIDE_DEG = 60.0  # an area from which the map shows the whole Earth
 def residual_limit(flight: Flight) -> float:
     """Half the height of the strips, nT: what was used is inside."""
     least = max(5.0 * flight.noise, 1e-6)
-    return strips.robust_limit(flight.residuals, least, flight.used.astype(np.float64))
+    return robust_limit(flight.residuals, least, flight.used.astype(np.float64))
 
 
-def draw_over_time(flight: Flight, limit: float) -> Markup:
+def draw_over_time(flight: Flight, limit: float) -> Figure:
     """Residuals over time; the shadow of the Earth behind them, what was left out at the foot."""
     x, along = along_time(flight.time, float(flight.time[0]), float(flight.time[-1]))
     columns = Columns(x, along)
-    first, after = find_shadows(flight).T
-    begin, end = right(x, along[first]), right(x, along[np.minimum(after, len(along) - 1)])
-    bars = [f"M{a:.1f} 0H{b:.1f}V1000H{a:.1f}Z" for a, b in zip(begin, end, strict=True)]
-    layers = [
-        *([strips.path("".join(bars), "shadow")] if bars else []),
-        *strips.residuals(columns, _axis(limit), flight.residuals),
-        strips.mark_rows(columns, ~flight.used, "left-out"),
-    ]
-    signs = strips.arrows(columns, _axis(limit), flight.residuals)
-    return strips.plot(x, _axis(limit), layers, "Residuals over time", signs)
+    begin, end = (along[np.minimum(rows, len(along) - 1)] for rows in find_shadows(flight).T)
+    return figure(
+        "Over time",
+        x,
+        about_zero("residual, nT", limit),
+        span("shadow", begin, end, words="in the Earth’s shadow"),
+        *residuals(columns, flight.residuals),
+        foot(columns, ~flight.used, "left-out", "mostly left out"),
+        note=beyond_words(flight.residuals, limit, "nT"),
+    )
 
 
-def draw_along(flight: Flight, values: Array, label: str, limit: float) -> Markup:
+def draw_along(flight: Flight, values: Array, name: str, unit: str, limit: float) -> Figure:
     """Residuals along another quantity: of each column the extremes, the middle and the median.
 
     What was left out, such as a filter's start, is drawn over time alone: here it would hide what
     goes with the quantity.
     """
-    residuals = flight.residuals
+    left = flight.residuals
     if flight.used.any():
-        values, residuals = values[flight.used], residuals[flight.used]
+        values, left = values[flight.used], left[flight.used]
     low, high = float(values.min()), float(values.max())
-    x = Axis(label, low, high if high > low else low + 1.0)
+    x = Axis(f"{name}, {unit}", low, high if high > low else low + 1.0)
     # readings that a column needs on average before its quartiles are drawn
-    most = int(np.clip(len(values) // 25, 8, 180))
-    columns = Columns(x, values, most)
-    layers = strips.residuals(columns, _axis(limit), residuals)
-    signs = strips.arrows(columns, _axis(limit), residuals)
-    return strips.plot(x, _axis(limit), layers, f"Residuals along {label}", signs)
-
-
-def _axis(limit: float) -> Axis:
-    return Axis("residual, nT", -limit, limit)
-
-
-def has_left_out(flight: Flight) -> bool:
-    """Whether any column over time consists mostly of what was left out."""
-    if flight.used.all():
-        return False
-    x, along = along_time(flight.time, float(flight.time[0]), float(flight.time[-1]))
-    return bool((Columns(x, along).mean(flight.used.astype(np.float64)) < 0.5).any())
+    columns = Columns(x, values, int(np.clip(len(values) // 25, 8, 180)))
+    y = about_zero("residual, nT", limit)
+    return figure(f"Along {name}", x, y, *residuals(columns, left))
 
 
 def find_shadows(flight: Flight) -> Index:
@@ -83,34 +70,22 @@ def find_shadows(flight: Flight) -> Index:
     return edges if len(edges) <= MOST_SHADOWS else edges[:0]
 
 
-def draw_course(flight: Flight) -> Markup:
-    """The bias over time, with its band and its jumps."""
-    course = flight.course
-    keys = {
-        "bias": "what is found in flight" if flight.fit else "the bias",
-        "band": "± 2 standard errors",
-        **({"jump": "a jump"} if course.jumps else {}),
-    }
-    drawn = Markup("".join(_draw_bias(course, axis) for axis in range(3)))
-    return strips.caption(f"Bias along x, y and z, {unit_label(course.unit)}", drawn, keys)
+def draw_course(course: Course, words: str) -> Figure:
+    """The bias over time, whose words these are, with its band and its jumps."""
+    title = f"Bias along x, y and z, {unit_label(course.unit)}"
+    return Figure(title=title, panels=[_draw_bias(course, axis, words) for axis in range(3)])
 
 
-def draw_direction(time: Array, error_deg: Array, used: Array) -> Markup:
+def draw_direction(time: Array, error_deg: Array, used: Array) -> Figure:
     """The angle to the field of the model over time; `used` are those that took part."""
-    x, along = along_time(time, float(time[0]), float(time[-1]))
+    columns = over_time(time)
     y = Axis("angle, °", 0.0, max(1.1 * float(np.percentile(used, 99.5)), 1e-9))
-    columns = Columns(x, along)
-    layers = [
-        strips.spread(columns, y, error_deg, "range"),
-        strips.line(columns, y, columns.percentiles(error_deg, (50.0,))[0], "mean"),
-    ]
-    signs = strips.arrows(columns, y, error_deg)
-    drawn = strips.plot(x, y, layers, "Angle to the model over time", signs)
-    keys = {"range": "least to largest", "mean": "median"}
-    return strips.caption("Angle to the field of the model", drawn, keys)
+    middle = columns.percentiles(error_deg, (50.0,))[0]
+    marks = spread(columns, error_deg), line(columns, middle, words="median")
+    return figure("Angle to the field of the model", columns.x, y, *marks)
 
 
-def _draw_bias(course: Course, axis: int) -> Markup:
+def _draw_bias(course: Course, axis: int, words: str) -> Panel:
     """One axis of the bias over time with the band of two standard errors, and the jumps."""
     x, at = along_time(course.time, float(course.time[0]), float(course.time[-1]))
     if x.high == x.low:
@@ -121,21 +96,21 @@ def _draw_bias(course: Course, axis: int) -> Markup:
     low = float((bias - 2 * sd)[settled].min())
     high = float((bias + 2 * sd)[settled].max())
     margin = max(0.08 * (high - low), 1e-9 * abs(high), 1e-9)
-    y = Axis(f"{'xyz'[axis]}, {course.unit}", low - margin, high + margin)
-    columns = Columns(x, at, BINS)
+    columns = Columns(x, at)
     mean, known = columns.mean(bias), columns.mean(sd)
     mean = np.where(known <= 5 * usual, mean, np.nan)  # what is not known yet is left blank
     scale = (x.high - x.low) / max(course.time[-1] - course.time[0], 1e-9)
-    places = (right(x, np.array((j.time - course.time[0]) * scale)) for j in course.jumps)
-    layers = [
-        strips.band(columns, y, mean - 2.0 * known, mean + 2.0 * known, "band"),
-        strips.line(columns, y, mean, "bias"),
-        *(strips.path(f"M{float(place):.1f} 0V1000", "jump") for place in places),
+    jumps = [(jump.time - course.time[0]) * scale for jump in course.jumps]
+    marks = [
+        band(columns, mean - 2.0 * known, mean + 2.0 * known, words="± 2 standard errors"),
+        line(columns, mean, "bias", words),
+        upright("jump", jumps, words="a jump"),
     ]
-    return strips.plot(x, y, layers, f"Bias along {'xyz'[axis]} over time", kind="short")
+    y = Axis(f"{'xyz'[axis]}, {course.unit}", low - margin, high + margin)
+    return Panel(x=x, y=y, marks=marks, kind="short")
 
 
-def draw_map(flight: Flight, limit: float) -> Markup:
+def draw_map(flight: Flight, limit: float) -> Figure:
     """The mean residual of each cell of latitude and longitude, outliers clipped; colour is full at
     a mean that one cell in fifty exceeds."""
     latitude, longitude = flight.latitude_deg, flight.longitude_deg
@@ -156,13 +131,12 @@ def draw_map(flight: Flight, limit: float) -> Markup:
         alone = max(float(np.median(counts[seen])) / flight.correlation, 1.0)
     shade = np.round(SHADES * np.clip(means / full, -1, 1)).astype(int)
     layers = [_cells(seen[shade == k], int(k)) for k in np.unique(shade)]
-    label = "Mean residual of each cell of latitude and longitude"
-    drawn = strips.plot(x, y, layers, label, kind="map")
     ends = (element("span", f"{sign}{quantity(full, 'nT', 2)}") for sign in "−+")
     scale = element("p", next(ends), element("i", class_="ramp through"), *ends, class_="legend")
     sd = quantity(flight.noise / float(np.sqrt(alone)), "nT", 2)
     note = f"The mean residual of the readings in a cell, which a typical cell knows to ±{sd}."
-    return strips.caption("Where the residuals lie", Markup(scale + drawn), note=note)
+    panel = Panel(x=x, y=y, marks=layers, kind="map")
+    return Figure(title="Where the residuals lie", panels=[panel], note=note, above=scale)
 
 
 def _map_axes(latitude: Array, longitude: Array) -> tuple[Axis, Axis, Array]:
@@ -194,7 +168,7 @@ def _cells(cells: NDArray[np.int64], shade: int) -> Markup:
     )
     name = "none" if shade == 0 else "low" if shade < 0 else "high"
     strength = 1.0 if shade == 0 else abs(shade) / SHADES
-    return strips.path("".join(squares), f"cell {name}", fill_opacity=f"{strength:.2g}")
+    return path("".join(squares), f"cell {name}", fill_opacity=f"{strength:.2g}")
 
 
 def draw_sigmas(sigmas: float, reach: float) -> Markup:
@@ -206,10 +180,10 @@ def draw_sigmas(sigmas: float, reach: float) -> Markup:
     lines = (f"M{float(right(axis, np.array(v))):.0f} 0V100" for v in (-2.0, -1.0, 1.0, 2.0))
     kind = "bar far" if abs(sigmas) > 3.0 else "bar"
     parts = [
-        strips.path("".join(lines), "grid"),
-        strips.path(f"M{zero:.0f} 0V100", "zero"),
-        strips.path(f"M{zero:.0f} 25H{end:.0f}V75H{zero:.0f}Z", kind),
-        strips.path(f"M{low:.0f} 50H{high:.0f}", "whisker"),
+        path("".join(lines), "grid"),
+        path(f"M{zero:.0f} 0V100", "zero"),
+        path(f"M{zero:.0f} 25H{end:.0f}V75H{zero:.0f}Z", kind),
+        path(f"M{low:.0f} 50H{high:.0f}", "whisker"),
     ]
     said = f"{group_digits(sigmas, 1)} standard errors"
     return element(

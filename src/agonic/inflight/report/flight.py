@@ -173,7 +173,6 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
     """What the tracker made of a log: `samples` are the readings that `found` is about."""
     state, base = tracker.state, tracker.state.base
     time = tracker.seconds(samples)
-    whole = np.vstack([tracker.history, [state.time, *state.bias, *state.bias_sd]])
     latest = slice(-(1 << 19), None)
     # of a start the predictions say how little was known, and nothing of model and noise
     used = found.used & found.foretold
@@ -196,7 +195,7 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
         correlation=correlation_length(found.residual[latest], used[latest].astype(np.float64)),
         lasting_nT=lasting_nT,
         lasting_s=lasting_s,
-        course=Course(whole[:, 0], whole[:, 1:4], whole[:, 4:], base.unit_in, state.jumps),
+        course=find_course(tracker),
         numbers=compare(None if from_nothing else base, tracker.calibration, note),
         left_out={
             **samples.rejected,
@@ -204,6 +203,13 @@ def flight_of_log(tracker: Tracker, found: Coefficients, samples: Samples) -> Fl
             "used, before enough was known to judge them": len(used) - refused - taken,
         },
     )
+
+
+def find_course(tracker: Tracker) -> Course:
+    """The bias that a tracker has found, from its first log to now."""
+    state = tracker.state
+    whole = np.vstack([tracker.history, [state.time, *state.bias, *state.bias_sd]])
+    return Course(whole[:, 0], whole[:, 1:4], whole[:, 4:], state.base.unit_in, state.jumps)
 
 
 def measure_correlated_errors(time: Array, residuals: Array, used: Mask) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.report.digits import (
     count,
     degrees,
+    each_with_sd,
     group_digits,
     percent,
     quantity,
@@ -22,8 +23,8 @@ from agonic.report.digits import (
     with_sd,
 )
 from agonic.report.labels import per_label, unit_label
-from agonic.report.markup import Markup, element, row, table
-from agonic.report.section import Block, Section, Table
+from agonic.report.markup import Markup, element, row
+from agonic.report.section import Block, Section, Shown, Table, aside
 from agonic.report.tables import NOTHING
 from agonic.report.verdict import sentence
 
@@ -102,10 +103,10 @@ def _find_share(values: Array, of_class: Index, alone: float) -> float:
     return max(0.0, 1.0 - left * (alone - 1) / (alone - k))
 
 
-def list_causes(shares: list[Share]) -> Markup:
+def list_causes(shares: list[Share]) -> list[Shown]:
     """What the residuals go with, and the likely causes by name."""
     if not shares:
-        return element("p", "Too few readings to find what the residuals follow.")
+        return ["Too few readings to find what the residuals follow."]
     said = (
         "What the residuals follow is their likely cause."
         if shares[0].named
@@ -121,7 +122,7 @@ def list_causes(shares: list[Share]) -> Markup:
         for one in shares
     ]
     head = ["Goes with", "Share of the variance", "Points to"]
-    return Markup(element("p", said) + table(head, rows, class_="causes"))
+    return [said, Table(head, rows, "causes")]
 
 
 def compare_numbers(numbers: tuple[Numbers, ...]) -> Section:
@@ -145,7 +146,7 @@ def compare_numbers(numbers: tuple[Numbers, ...]) -> Section:
     for group in numbers:
         if group not in shown:
             said += f" The {group.name.lower()} was fixed at its earlier value."
-    return Section(title, [lambda: [_tabulate(shown, known), element("p", said, class_="aside")]])
+    return Section(title, [lambda: [_tabulate(shown, known), aside(said)]])
 
 
 def _tabulate(groups: list[Numbers], known: bool) -> Markup:
@@ -179,7 +180,7 @@ def _list_cells(q: Comparison, reach: float) -> list[str]:
     return [q.name, ground, flight, change, far, figures.draw_sigmas(q.sigmas, reach)]
 
 
-def list_left_out(flight: Flight) -> Markup:
+def list_left_out(flight: Flight) -> list[Shown]:
     """How many readings had no part in the result, by reason."""
     whole = len(flight.residuals)
     rows = [
@@ -193,23 +194,20 @@ def list_left_out(flight: Flight) -> Markup:
     if flight.fit is not None and flight.fit.thinned > 1:
         said += f" Drawn and counted here is every {flight.fit.thinned}th row of the record."
     if not rows:
-        return element("p", f"{said} None was left out.")
-    drawn = table(["Left out", "Readings", "Share"], rows, class_="numbers reasons")
-    return Markup(element("p", said) + drawn)
+        return [f"{said} None was left out."]
+    return [said, Table(["Left out", "Readings", "Share"], rows, "numbers reasons")]
 
 
-def list_held_out(flight: Flight) -> Markup:
+def list_held_out(flight: Flight) -> list[Shown]:
     """The error on readings not seen, by the number of intervals tried."""
     if flight.fit is None:
-        return element(
-            "p",
+        return [
             "Nothing was chosen by held-out error: each residual on this page is from before the "
-            "reading was used, so all of them are held out.",
-        )
+            "reading was used, so all of them are held out."
+        ]
     held_out, chosen = flight.fit.held_out, flight.fit.drift.intervals
     if not held_out:
-        said = "The number of knots was given, so nothing was chosen by held-out error."
-        return element("p", said)
+        return ["The number of knots was given, so nothing was chosen by held-out error."]
     rows = []
     for n, error in held_out.items():
         above, small = error / min(held_out.values()) - 1, 0.001
@@ -221,30 +219,28 @@ def list_held_out(flight: Flight) -> Markup:
         "doubled until unseen readings fit clearly better, then as long as they fit no worse."
     )
     head = ["Bias in time", "Residual of unseen readings, rms", "Above the least", ""]
-    return Markup(element("p", said) + table(head, rows, class_="numbers choices"))
+    return [said, Table(head, rows, "numbers choices")]
 
 
-def describe_model_error(flight: Flight) -> Markup:
+def describe_model_error(flight: Flight) -> str:
     """How large the residuals are, and how much of them is correlated, in words."""
     begin = "Residuals scatter" if flight.fit else "Predictions miss"
     said = f"{begin} by {quantity(flight.noise, 'nT', 2)} (one standard deviation)."
     if not flight.lasting_s:
-        return element(
-            "p",
+        return (
             f"{said} Successive residuals are uncorrelated: errors of the field model are small "
-            "beside the noise of single readings.",
+            "beside the noise of single readings."
         )
     alone = float(np.sqrt(max(flight.noise**2 - flight.lasting_nT**2, 0.0)))
     seconds, every = flight.lasting_s, " Every standard error on this page takes account of it."
     unit, size = next((u, s) for u, s, most in _DURATIONS if seconds < most)
-    return element(
-        "p",
+    return (
         f"{said} Of this {quantity(alone, 'nT', 2)} is noise, new in every reading; the other "
         f"{quantity(flight.lasting_nT, 'nT', 2)} are correlated over about "
         f"{quantity(max(seconds, 0.01) / size, unit, 2)}, so that "
         f"{quantity(flight.correlation, '', 2)} readings count as much as an independent one."
         f"{every if flight.fit else ''} Correlated errors come from the field model (crust, ring "
-        "current, ionosphere), currents on board, or a calibration that changes with temperature.",
+        "current, ionosphere), currents on board, or a calibration that changes with temperature."
     )
 
 
@@ -252,9 +248,9 @@ _DURATIONS = (("s", 1.0, 120.0), ("min", 60.0, 7200.0), ("h", 3600.0, np.inf))
 """Units of a time, s, and up to when each is used."""
 
 
-def describe_direction(fit: InflightFit) -> list[Section]:
+def describe_direction(fit: InflightFit | None) -> list[Block]:
     """How far corrected field and model are apart in direction, and how the sensor is mounted."""
-    if fit.direction_error_deg is None:
+    if fit is None or fit.direction_error_deg is None:
         return []
     used = fit.direction_error_deg[fit.weights > 0]
     apart = ", ".join(
@@ -271,35 +267,31 @@ def describe_direction(fit: InflightFit) -> list[Section]:
         if fit.alignment.covariance is not None:
             sd = np.degrees(np.sqrt(np.maximum(np.diag(fit.alignment.covariance), 0.0)))
         frames = f"Turn from the axes {fit.alignment.frame_in} to {fit.alignment.frame_out}"
-        rows = [
-            [
-                f"about {axis}",
-                with_sd(float(turn[k]), float(sd[k])),
-                # smaller ones in arcseconds
-                quantity(3600.0 * float(sd[k]), "″", 2) if sd[k] < 0.05 else degrees(sd[k]),
-            ]
-            for k, axis in enumerate("xyz")
-        ]
+        errors = (  # small ones in arcseconds
+            quantity(3600.0 * one, "″", 2) if one < 0.05 else degrees(one) for one in sd.tolist()
+        )
+        names = (f"about {axis}" for axis in "xyz")
+        rows = [*zip(names, each_with_sd(turn, sd), errors, strict=True)]
         parts.append(Table([frames, "°", "standard error"], rows))
-    return [Section("Direction", parts)]
+    return parts
 
 
-def describe_sources(fit: InflightFit) -> list[Section]:
+def describe_sources(fit: InflightFit | None) -> list[Block]:
     """What a unit of each source on board adds to a reading."""
-    if not fit.source_names:
+    if fit is None or not fit.source_names:
         return []
     rows = [
-        [name, *(with_sd(float(v), float(s)) for v, s in zip(added, errors, strict=True))]
+        [name, *each_with_sd(added, errors)]
         for name, added, errors in zip(
             fit.source_names, fit.sources.T, fit.sources_sd.T, strict=True
         )
     ]
     units = " or ".join(sorted({per_label(name) for name in fit.source_names}))
     note = f"What each adds to a reading, {unit_label(fit.change.unit_in)} {units}."
-    return [Section("Currents on board", [note, Table(["Source", "x", "y", "z"], rows)])]
+    return [note, Table(["Source", "x", "y", "z"], rows)]
 
 
-def compare_sunlight(flight: Flight) -> Markup:
+def compare_sunlight(flight: Flight) -> list[Shown]:
     """Residuals in sunlight and in the shadow, and how far their means are apart."""
     assert flight.eclipse is not None
     rows, means, errors = [], [], []
@@ -317,9 +309,9 @@ def compare_sunlight(flight: Flight) -> Markup:
         errors.append(scatter * float(np.sqrt(flight.correlation / len(values))))
         mean, spread = with_sd(means[-1], errors[-1]), quantity(scatter, "nT", 2)
         rows.append([name, group_digits(len(values)), mean, quantity(middle, "nT", 2), spread])
-    drawn = table(["", "Readings", "Mean, nT", "Median", "Scatter"], rows, class_="numbers light")
+    head = ["", "Readings", "Mean, nT", "Median", "Scatter"]
     said = "The whole record lies in sunlight, or the whole of it in the shadow."
     if len(means) == 2:
         step = show_sign(with_sd(means[1] - means[0], float(np.linalg.norm(errors))))
         said = f"In the shadow the mean is {step} nT from that in sunlight."
-    return Markup(drawn + element("p", said))
+    return [Table(head, rows, "numbers light"), said]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from itertools import repeat
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +25,9 @@ from agonic.report import tables as common
 from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
 from agonic.report.document import Document
 from agonic.report.fields import make_table
-from agonic.report.markup import Markup, element, markup, table
-from agonic.report.section import Block, Section, Table
-from agonic.report.strips import caption
+from agonic.report.figure import Figure
+from agonic.report.markup import Markup, markup, table
+from agonic.report.section import Block, Section, Table, aside
 from agonic.report.tables import NOTHING
 from agonic.report.verdict import sentence
 from agonic.samples import Samples
@@ -46,13 +48,11 @@ def correlate_axes(found: Array, known: Array) -> list[float]:
     return [correlate(a, b) for a, b in zip(found.T, known.T, strict=True)]
 
 
-def draw_axes(found: Array, known: Array) -> list[Markup]:
+def draw_axes(found: Array, known: Array) -> list[Figure]:
     """The network's field over the known one, a figure an axis, as the paper draws it."""
     names = ("x", "y", "z") if known.shape[1] == 3 else ("the field",)
-    return [
-        caption(f"Along {name}: R = {correlate(a, b):.5f}", figures.draw_regression(b, a, name))
-        for name, a, b in zip(names, found.T, known.T, strict=True)
-    ]
+    pairs = zip(known.T, found.T, names, strict=True)
+    return [figures.draw_regression(*pair) for pair in pairs]
 
 
 KIND = "Calibration by a network"
@@ -69,56 +69,60 @@ def describe_network(
     """A trained network, or its base where that is as good, with the table that it was chosen from
     and the methods of training that were compared, if there are any.
     """
-    network, comparison = fit.calibration, fit.comparison
-    won = fit.chosen is network
-    chosen = "the network" if won else f"the base ({fit.chosen.kind})"
-    base = None if comparison is None else comparison.base
+    network = fit.calibration
+    chosen = "the network" if fit.chosen is network else f"the base ({fit.chosen.kind})"
     fields = evaluate_fit(fit, samples)
     note = "All from the same random start, on all readings, without a prior on the weights."
     tried = compare(fit, methods, "Error after each epoch, by method", note) if methods else []
-    return Document(
+    return Document.judge(
+        fit,
         schema="agonic/fit-network@1",
         kind=KIND,
         name=samples.name,
         title=title,
         method=f"network of {network.shape.said} by the {network.target}, {fit.n} readings",
         about=f"Chosen: {chosen}.",
-        verdict=fit.verdict,
-        status=fit.status,
-        findings=fit.findings,
         key_figures=_key_figures(fit),
         entries={"Chosen": f"{chosen}; {choice.sentence}" if choice else chosen},
         entries_title="",
         sections=[
-            *_compare(fit, samples),
-            *(_list_choice(choice) if choice else []),
-            Section("Training", [lambda: _draw_training(fit)]),
-            *([Section("Methods of training", tried, printed=True)] if methods else []),
+            _compare(fit, samples),
+            Section("Hidden nodes", _list_choice(choice) if choice else [], printed=True),
+            Section("Training", [lambda: figures.draw_training(fit)]),
+            Section("Methods of training", tried, printed=True),
             Section("Regression", [lambda: draw_axes(*fields)], style="pair"),
-            *caution(network),
+            caution(network),
             _guard(network, network, samples),
             *_numbers(network),
         ],
-        values={
-            "method": "network",
-            "sensor": samples.name,
-            **make_record(fit),
-            "hidden": network.shape.hidden,
-            "inputs": list(network.inputs),
-            "target": network.target,
-            "chosen": "network" if won else "base",
-            "calibration_kind": fit.chosen.kind,
-            "regression_of_axes": correlate_axes(*fields),
-            "unseen_rms_nT": None if comparison is None else comparison.network.rms,
-            "unseen_base_rms_nT": None if base is None else base.rms,
-            "bound_nT": network.bound,
-            "table": [asdict(row) for row in choice.table] if choice else None,
-            "methods": [make_record(method) for method in methods] or None,
-        },
+        values=_list_values(fit, samples, choice, methods)
+        | {"regression_of_axes": correlate_axes(*fields)},
         calibration=fit.chosen,
         samples=samples,
         styles=("network.css",),
     )
+
+
+def _list_values(
+    fit: NetworkFit, samples: Samples, choice: NetworkChoice | None, methods: Sequence[Method]
+) -> dict[str, Any]:
+    network, comparison = fit.calibration, fit.comparison
+    base = None if comparison is None else comparison.base
+    return {
+        "method": "network",
+        "sensor": samples.name,
+        **make_record(fit),
+        "hidden": network.shape.hidden,
+        "inputs": list(network.inputs),
+        "target": network.target,
+        "chosen": "network" if fit.chosen is network else "base",
+        "calibration_kind": fit.chosen.kind,
+        "unseen_rms_nT": None if comparison is None else comparison.network.rms,
+        "unseen_base_rms_nT": None if base is None else base.rms,
+        "bound_nT": network.bound,
+        "table": [asdict(row) for row in choice.table] if choice else None,
+        "methods": [make_record(method) for method in methods] or None,
+    }
 
 
 def describe_network_file(
@@ -140,24 +144,23 @@ def describe_network_file(
         kind=KIND,
         name=calibration.sensor,
         title=title,
-        sections=[*sections, *caution(network), *_numbers(network)],
+        sections=[*sections, caution(network), *_numbers(network)],
         calibration=calibration,
         samples=samples,
         styles=("network.css",),
     )
 
 
-def caution(network: Network) -> list[Section]:
+def caution(network: Network) -> Section:
     """What a network that knows the magnitude alone cannot correct."""
-    if network.target == "vector":
-        return []
     said = (
         "Its reference was the magnitude of the field alone. A magnitude cannot show by how much "
         "the field is turned, where the turn varies with its direction: only the length is "
         "corrected, along the field that the base gives, and direction errors of the base stay as "
         "they are."
     )
-    return [Section("What the magnitude does not determine", [said])]
+    blocks = [] if network.target == "vector" else [said]
+    return Section("What the magnitude does not determine", blocks)
 
 
 def _key_figures(fit: NetworkFit) -> list[tuple[str, str, str]]:
@@ -175,19 +178,12 @@ def _key_figures(fit: NetworkFit) -> list[tuple[str, str, str]]:
     ]
 
 
-def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
+def _compare(fit: NetworkFit, samples: Samples) -> Section:
     """Base and network on the same unseen readings, and which won by how much."""
     comparison = fit.comparison
     if comparison is None:
-        return []
-    keys = {"by-base": "base alone"} if comparison.base else {}
-    keys["by-network"] = "with the network" if comparison.base else "the network"
-    note = "Each of four blocks of time is judged by a network trained on the other three."
-
-    def draw() -> Markup:
-        drawn = figures.draw_unseen_error(comparison, samples.time)
-        return caption("Error over time", drawn, keys, note)
-
+        return Section("", [])
+    draw = partial(figures.draw_unseen_error, comparison, samples.time)
     rows = [
         [name, quantity(errors.rms, "nT"), quantity(errors.maximum, "nT")]
         for name, errors in (("base", comparison.base), ("network", comparison.network))
@@ -196,7 +192,7 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
     of = "on an axis" if fit.calibration.target == "vector" else "of the magnitude"
     blocks: list[Block] = [Table(["Unseen readings", f"rms error {of}", "largest"], rows, "nodes")]
     if comparison.base is None:
-        return [Section("Unseen readings", [*blocks, draw])]
+        return Section("Unseen readings", [*blocks, draw])
     by = comparison.directions
     blocks.append(
         f"{sentence(comparison.sentence).removesuffix('.')}: {percent(comparison.ratio)} of the "
@@ -205,10 +201,10 @@ def _compare(fit: NetworkFit, samples: Samples) -> list[Section]:
         f"{count(int(np.count_nonzero(by[:, 1] > by[:, 0])), 'direction')} of {len(by)} the "
         "network is not better."
     )
-    return [Section("Base against network", [*blocks, draw])]
+    return Section("Base against network", [*blocks, draw])
 
 
-def _list_choice(choice: NetworkChoice) -> list[Section]:
+def _list_choice(choice: NetworkChoice) -> list[Block]:
     """R, largest and rms error by hidden nodes, of all readings and of unseen ones."""
     chosen, rows = choice.fit.calibration.shape.hidden, []
     for row in choice.table:
@@ -225,29 +221,14 @@ def _list_choice(choice: NetworkChoice) -> list[Section]:
         f"{sentence(choice.sentence)} Unseen: each of four blocks is judged by a network trained "
         "on the other three."
     )
-    return [Section("Hidden nodes", [Table(head, rows, "nodes"), said], printed=True)]
+    return [Table(head, rows, "nodes"), said]
 
 
-def compare(fit: NetworkFit, methods: Sequence[Method], name: str, note: str) -> list[Block]:
-    """Levenberg–Marquardt beside gradient descent: a table, and a figure with its name and note."""
-    keys = {key: method.name for key, method in zip(figures.METHODS, methods, strict=True)}
-
-    def draw() -> Markup:
-        return caption(name, figures.draw_methods(fit, methods), keys, note)
-
+def compare(fit: NetworkFit, methods: Sequence[Method], title: str, note: str) -> list[Block]:
+    """Levenberg–Marquardt beside gradient descent: a table, and a figure with its title and
+    note."""
+    draw = partial(figures.draw_methods, fit, methods, title, note)
     return [make_table(methods, style="nodes"), draw]
-
-
-def _draw_training(fit: NetworkFit) -> Markup:
-    limit = "without the network" if fit.base else "mean square 0.001 (scaled), as published"
-    keys = {"training": "trained on", "limit": limit}
-    if any(np.isfinite(epoch.held_out) for epoch in fit.epochs):
-        keys["held"] = "held out"
-    note = (
-        "From the most promising of several random starts: first on some of the readings, then on "
-        "all, then without outliers and without the noise of the inputs."
-    )
-    return caption("Error after each epoch", figures.draw_training(fit), keys, note)
 
 
 def _guard(calibration: Calibration, network: Network, samples: Samples) -> Section:
@@ -258,9 +239,6 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> Sect
             raw = step.correct(raw, **select_columns(step, samples))
     share = network.inside(raw, **select_columns(network, samples))
     of = f"{percent(float((share < 0.5).mean()))} of {count(len(share), 'reading')} lie so far from"
-    keys = {"range": "least to largest", "mean": "mean"}
-    if (share < 0.5).any():
-        keys["guarded"] = "mostly outside"
     said = (
         "half of its correction or more is taken back; far away the base alone corrects. "
         f"{percent(float((share > 0.999).mean()))} get all of it."
@@ -268,13 +246,7 @@ def _guard(calibration: Calibration, network: Network, samples: Samples) -> Sect
     if network.base is None:
         said = "its field is a guess: there is no base to fall back to."
     drawn = figures.draw_guard(share, samples.time)
-    return Section(
-        "Where it holds",
-        [
-            f"{of} what the network was trained on that {said}",
-            caption("Where it was trained: 1, far away: 0", drawn, keys),
-        ],
-    )
+    return Section("Where it holds", [f"{of} what the network was trained on that {said}", drawn])
 
 
 def _numbers(network: Network) -> list[Section]:
@@ -312,8 +284,8 @@ def _numbers(network: Network) -> list[Section]:
         ]
         shown.append(table(["Base", "x", "y", "z"], rows, class_="weights"))
     said = "± is one standard error. Inputs and outputs are scaled to −1 … 1."
-    aside = element("p", said, class_="aside")
-    return [Section("The network", shown), Section("Weights", [_list_weights(network), aside])]
+    weights = [_list_weights(network), aside(said)]
+    return [Section("The network", shown), Section("Weights", weights)]
 
 
 def _list_weights(network: Network) -> Markup:

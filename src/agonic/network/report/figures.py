@@ -13,9 +13,21 @@ from agonic.calibration.retraining import Retraining
 from agonic.errors import MissingExtraError
 from agonic.network.fit import Comparison, Method, NetworkChoice, NetworkFit
 from agonic.network.fit.methods import GOAL
-from agonic.report import strips
-from agonic.report.axes import BINS, Axis, Columns, along_rows, along_time, down, right
-from agonic.report.markup import Markup
+from agonic.network.fit.solve import correlate
+from agonic.report.axes import Axis, Columns, about_zero, along_rows, along_time, over_rows
+from agonic.report.figure import Figure, figure, robust_limit
+from agonic.report.marks import (
+    Mark,
+    curve,
+    dots,
+    foot,
+    level,
+    line,
+    mean,
+    residuals,
+    spread,
+    upright,
+)
 
 METHODS = ("training", "descent", "adaptive")
 """Classes of the curves, in the order of `compare_methods`."""
@@ -23,31 +35,36 @@ POINTS = 600
 """Epochs of a training that are drawn."""
 
 
-def draw_training(fit: NetworkFit) -> Markup:
+def draw_training(fit: NetworkFit) -> Figure:
     """The rms error in nT after every epoch, of equal ratios equally high, and without a network.
 
     Without a base the level is what the paper reaches.
     """
-    curves = {
-        "training": compute_rms(fit, [epoch.mean_square for epoch in fit.epochs]),
-        "held": compute_rms(fit, [epoch.held_out for epoch in fit.epochs]),
-    }
+    trained = compute_rms(fit, [epoch.mean_square for epoch in fit.epochs])
+    held = compute_rms(fit, [epoch.held_out for epoch in fit.epochs])
     limit = compute_rms(fit, [GOAL])[0] if fit.base is None else fit.calibration.misfit
-    seen = np.concatenate([*curves.values(), [limit or np.nan]])
+    of = "without the network" if fit.base else "mean square 0.001 (scaled), as published"
     x = Axis("epoch", 1.0, float(max(len(fit.epochs), 2)))
-    y = _decade(seen, "rms error, nT")
-    layers = [strips.level(y, limit, "limit")] if limit else []
-    layers += [_curve(x, y, values, name) for name, values in curves.items()]
-    return strips.plot(x, y, layers, "Rms error after every epoch of the training")
+    return figure(
+        "Error after each epoch",
+        x,
+        _decade(np.concatenate([trained, held, [limit or np.nan]]), "rms error, nT"),
+        level("limit", limit or np.nan, words=of),
+        _curve(x, trained, "training", "trained on"),
+        _curve(x, held, "held", "held out"),
+        note="From the most promising of several random starts: first on some of the readings, "
+        "then on all, then without outliers and without the noise of the inputs.",
+    )
 
 
-def draw_methods(fit: NetworkFit, methods: Sequence[Method]) -> Markup:
+def draw_methods(fit: NetworkFit, methods: Sequence[Method], title: str, note: str) -> Figure:
     """The rms error in nT after every epoch by each method; epochs and errors logarithmic."""
     curves = [compute_rms(fit, method.mean_square) for method in methods]
     x = Axis("epoch", 1.0, float(max(2, *map(len, curves))), logarithmic=True)
     y = _decade(np.concatenate(curves), "rms error, nT")
-    layers = [_curve(x, y, values, name) for values, name in zip(curves, METHODS, strict=True)]
-    return strips.plot(x, y, layers, "Rms error after every epoch, by method of training")
+    each = zip(curves, METHODS, methods, strict=True)
+    marks = (_curve(x, values, name, method.name) for values, name, method in each)
+    return figure(title, x, y, *marks, note=note)
 
 
 def compute_rms(fit: NetworkFit, mean_square: Sequence[float] | Array) -> Array:
@@ -63,92 +80,97 @@ def _decade(values: Array, label: str) -> Axis:
     return Axis(label, low / room, high * room, logarithmic=True)
 
 
-def _curve(x: Axis, y: Axis, values: Array, name: str) -> Markup:
+def _curve(x: Axis, values: Array, name: str, words: str) -> Mark:
     """Values after the first, the second … epoch; of very many some."""
     known = np.flatnonzero(np.isfinite(values))
     if len(known) > POINTS:
         even = np.geomspace if x.logarithmic else np.linspace
         known = known[np.unique(even(1, len(known), POINTS).astype(int)) - 1]
-    if len(known) < 2:
-        return strips.path("", name)
-    return strips.curve(x, y, known + np.ones(len(known)), values[known], name)
+    return curve(name, known + 1.0, values[known], words=words)
 
 
-def draw_regression(known: Array, found: Array, axis: str) -> Markup:
+def draw_regression(known: Array, found: Array, axis: str) -> Figure:
     """What the network gives (n,) over what is known (n,), nT, of one axis; the line is y = x."""
     rows = np.unique(np.linspace(0, len(known) - 1, 400).astype(int))
     low, high = float(known.min()), float(known.max())
     x = Axis(f"known field along {axis}, nT", low, high if high > low else low + 1.0)
-    y = Axis("by the network, nT", x.low, x.high)
-    places = zip(right(x, known[rows]), down(y, found[rows]), strict=True)
-    dots = "".join(f"M{across:.1f} {below:.1f}h0" for across, below in places)
-    layers = [strips.path("M0 1000L1000 0", "zero"), strips.path(dots, "dots")]
-    return strips.plot(x, y, layers, f"The network's field over the known one along {axis}")
+    y, ends = Axis("by the network, nT", x.low, x.high), (x.low, x.high)
+    shown = dots("dots", known[rows], found[rows])
+    title = f"Along {axis}: R = {correlate(found, known):.5f}"
+    return figure(title, x, y, curve("zero", ends, ends), shown)
 
 
-def draw_unseen_error(comparison: Comparison, time: Array | None) -> Markup:
+def draw_unseen_error(comparison: Comparison, time: Array | None) -> Figure:
     """The rms error of unseen readings over time, by the base and by the network."""
     x, along = along_rows(time, comparison.rows)
     columns = Columns(x, along, min(120, max(len(along) // 10, 1)))
-    named = {"by-base": comparison.base, "by-network": comparison.network}
+    alone = comparison.base is None
+    named = {
+        ("by-base", "base alone"): comparison.base,
+        ("by-network", "the network" if alone else "with the network"): comparison.network,
+    }
     curves = {
         name: np.sqrt(columns.mean((errors.values**2).mean(axis=1)))
         for name, errors in named.items()
         if errors is not None
     }
     high = 1.1 * max(float(values.max()) for values in curves.values())
-    y = Axis("rms error, nT", 0.0, high or 1.0)
-    layers = [strips.line(columns, y, values, name) for name, values in curves.items()]
-    return strips.plot(x, y, layers, "Rms error of unseen readings over time, base and network")
+    return figure(
+        "Error over time",
+        x,
+        Axis("rms error, nT", 0.0, high or 1.0),
+        *(line(columns, values, *name) for name, values in curves.items()),
+        note="Each of four blocks of time is judged by a network trained on the other three.",
+    )
 
 
-def draw_errors(curves: Mapping[str, tuple[Array, Array]], levels: Sequence[float]) -> Markup:
-    """The largest error in each stretch of time: times (k,) s and errors (k,), nT, by class."""
+def draw_errors(
+    title: str, limit: Mark, curves: Mapping[tuple[str, str], tuple[Array, Array]]
+) -> Figure:
+    """The largest error in each stretch of time: times (k,) s and errors (k,), nT, by class and
+    words, and the `limit`."""
     begin = min(float(time[0]) for time, _ in curves.values())
     end = max(float(time[-1]) for time, _ in curves.values())
     highest = max(float(values.max()) for _, values in curves.values())
-    y = Axis("largest component of the error, nT", 0.0, 1.1 * max(highest, *levels))
-    layers = [strips.level(y, at, "limit") for at in levels]
+    marks = [limit]
     for name, (time, values) in curves.items():
-        x, along = along_time(time, begin, end)
-        columns = Columns(x, along)
-        layers.append(strips.line(columns, y, columns.largest(values), name))
-    return strips.plot(x, y, layers, "Largest component of the error over time")
+        columns = Columns(*along_time(time, begin, end))
+        marks.append(line(columns, columns.largest(values), *name))
+    y = Axis("largest component of the error, nT", 0.0, 1.1 * max(highest, *limit.at[0]))
+    return figure(title, columns.x, y, *marks)
 
 
-def draw_guard(inside: Array, time: Array | None) -> Markup:
+def draw_guard(inside: Array, time: Array | None) -> Figure:
     """The share g of the correction that is applied, over time: 1 near the training, 0 far away."""
-    x, along = along_rows(time, np.arange(len(inside)))
-    columns = Columns(x, along, BINS)
-    y = Axis("share g", 0.0, 1.05)
-    layers = [
-        strips.spread(columns, y, inside, "range"),
-        strips.line(columns, y, columns.mean(inside), "mean"),
-        strips.mark_rows(columns, inside < 0.5, "guarded"),
-    ]
-    return strips.plot(
-        x, y, layers, "How near the readings are to the training, over time", kind="short"
-    )
+    columns = over_rows(time, len(inside))
+    marks = spread(columns, inside), mean(columns, inside)
+    outside = foot(columns, inside < 0.5, "guarded", "mostly outside")
+    title, y = "Where it was trained: 1, far away: 0", Axis("share g", 0.0, 1.05)
+    return figure(title, columns.x, y, *marks, outside, kind="short")
 
 
-def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining]) -> Markup:
+def draw_residual(residual: Array, time: Array, retrainings: Sequence[Retraining]) -> Figure:
     """The residual (n, o) over time, each reading before it was learned, with the retrainings."""
-    known = np.isfinite(residual[:, 0])
+    known, ends = np.isfinite(residual[:, 0]), (float(time[0]), float(time[-1]))
     values, at = residual[known].ravel(), np.repeat(time[known], residual.shape[1])
-    x, along = along_time(at, float(time[0]), float(time[-1]))
-    limit = max(
-        strips.robust_limit(values, 1e-9), 1.05 * float(np.percentile(np.abs(values), 99.9))
+    columns = Columns(*along_time(at, *ends))
+    limit = max(robust_limit(values, 1e-9), 1.05 * float(np.percentile(np.abs(values), 99.9)))
+    events = {
+        ("accepted", "retraining accepted"): [r.time for r in retrainings if r.accepted],
+        ("rejected", "rejected"): [r.time for r in retrainings if not r.accepted],
+        ("onset", "a change began"): [r.onset for r in retrainings if r.onset is not None],
+    }
+    return figure(
+        "Residual",
+        columns.x,
+        about_zero("residual, nT", limit),
+        *residuals(columns, values),
+        *(
+            upright(name, along_time(np.array(times), *ends)[1], words=words)
+            for (name, words), times in events.items()
+        ),
+        note="Field as corrected less the known one, by what was running when each reading came.",
     )
-    y = Axis("residual, nT", -limit, limit)
-    columns = Columns(x, along, BINS)
-    layers = strips.residuals(columns, y, values)
-    marks = [(one.time, "accepted" if one.accepted else "rejected") for one in retrainings]
-    marks += [(one.onset, "onset") for one in retrainings if one.onset is not None]
-    _, at = along_time(np.array([when for when, _ in marks]), float(time[0]), float(time[-1]))
-    for (_, name), place in zip(marks, right(x, at), strict=True):
-        layers.append(strips.path(f"M{place:.1f} 0V1000", name))
-    signs = strips.arrows(columns, y, values)
-    return strips.plot(x, y, layers, "Residual over time with the retrainings", signs)
 
 
 def draw_chart(fit: NetworkFit, choice: NetworkChoice | None = None) -> bytes:

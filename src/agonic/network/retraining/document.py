@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import nan
 
 import numpy as np
@@ -15,10 +16,8 @@ from agonic.network.retraining.acceptance import describe_outcome
 from agonic.network.retraining.retrainer import Correction, Retrainer
 from agonic.readable import make_record
 from agonic.report.digits import NO_BREAK, count, group_digits, quantity, write_minus
-from agonic.report.document import Document
-from agonic.report.markup import Markup, element
-from agonic.report.section import Block, Section, Table
-from agonic.report.strips import caption, has_enough
+from agonic.report.document import Document, list_sentences
+from agonic.report.section import Block, Section, Table, aside
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import sentence
 
@@ -45,25 +44,22 @@ def describe_retraining(
             rms, largest = float(np.sqrt(np.mean(known**2))), float(np.abs(known).max())
     passed = f", {rows - used} passed over" if rows > used else ""
     left = f"{rms:.4g} nT rms, each reading before it was learned; at most {largest:.4g}"
-    entries = {
-        "Readings": f"{used} new{passed}; {state.n} in all",
-        "Residual": left if np.isfinite(rms) else "",
-        **{f"{one.time:.10g} s": _describe(one) for one in retrainings},
-    }
-    return Document(
+    return Document.judge(
+        retrainer,
         schema="agonic/retrain@1",
         kind="Network kept up to date",
         name=state.sensor,
         title=title,
-        verdict=retrainer.verdict,
-        status=retrainer.status,
-        findings=retrainer.findings,
         key_figures=[] if seen is None else _key_figures(retrainer, retrainings, rms, largest),
-        entries=entries,
+        entries={
+            "Readings": f"{used} new{passed}; {state.n} in all",
+            "Residual": left if np.isfinite(rms) else "",
+            **{f"{one.time:.10g} s": _describe(one) for one in retrainings},
+        },
         entries_title="",
         sections=[
             *([] if seen is None else _sections(retrainer, seen)),
-            *(caution(running) if isinstance(running, Network) else []),
+            *([caution(running)] if isinstance(running, Network) else []),
         ],
         values={
             **make_record(state),
@@ -74,10 +70,7 @@ def describe_retraining(
             "residual_rms_nT": rms if np.isfinite(rms) else None,
             "residual_max_nT": largest if np.isfinite(largest) else None,
             "retrainings": [make_record(one) for one in retrainings],
-            "findings": [
-                {"name": f.name, "severity": f.severity, "sentence": f.sentence}
-                for f in retrainer.findings
-            ],
+            "findings": list_sentences(retrainer.findings),
         },
         calibration=running,
         styles=("network.css",),
@@ -106,32 +99,19 @@ def _key_figures(
 def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
     residual: Block = "Nothing was running yet."
     if np.isfinite(seen.residual[:, 0]).any():
-        residual = lambda: _draw_residual(seen)  # noqa: E731
+        drawn = seen.residual, seen.time, seen.retrainings
+        residual = partial(figures.draw_residual, *drawn)
     history: list[Block] = ["None was due."]
     if seen.retrainings:
         history = [Table(_HEAD, [_row(one) for one in seen.retrainings[-MOST:]], "history")]
         if (left := len(seen.retrainings) - MOST) > 0:
             said = f"{count(left, 'earlier one')} left out."
-            history.append(element("p", said, class_="aside"))
+            history.append(aside(said))
     return [
         Section("Residual over time", [residual]),
         Section("Retrainings", history),
         Section("How it is kept up to date", [_settings(retrainer)]),
     ]
-
-
-def _draw_residual(seen: Correction) -> Markup:
-    done, keys = seen.retrainings, {"range": "least to largest", "mean": "median"}
-    shown = {
-        "middle": ("the middle two thirds", has_enough(int(np.isfinite(seen.residual).sum()))),
-        "accepted": ("retraining accepted", any(one.accepted for one in done)),
-        "rejected": ("rejected", any(not one.accepted for one in done)),
-        "onset": ("a change began", any(one.onset is not None for one in done)),
-    }
-    keys |= {name: words for name, (words, there) in shown.items() if there}
-    note = "Field as corrected less the known one, by what was running when each reading came."
-    drawn = figures.draw_residual(seen.residual, seen.time, done)
-    return caption("Residual", drawn, keys, note)
 
 
 def _row(one: Retraining) -> list[str]:

@@ -14,13 +14,13 @@ from agonic.health import sentences
 from agonic.readable import make_record
 from agonic.recording.evaluation.cross_validation import Evaluation, Measure
 from agonic.recording.evaluation.errors import HEADING
-from agonic.report.axes import Axis, Columns, along_rows
+from agonic.report.axes import about_zero, over_rows
 from agonic.report.digits import count, group_digits, quantity
 from agonic.report.document import Document
 from agonic.report.fields import make_table, write_field
-from agonic.report.markup import Markup
+from agonic.report.figure import Figure, beyond_words, figure, robust_limit
+from agonic.report.marks import band, mean, spread
 from agonic.report.section import Section, Table
-from agonic.report.strips import arrows, beyond_words, caption, line, plot, robust_limit, spread
 from agonic.report.verdict import MEANINGS
 
 
@@ -159,25 +159,21 @@ def _list_values(result: Evaluation) -> dict[str, Any]:
     }
 
 
-def draw_errors(result: Evaluation, one: Measure) -> Markup:
+def draw_errors(result: Evaluation, one: Measure) -> Figure:
     """One kind of error over time: as recorded, by fits that had not seen it, and as stated."""
     found, stated = result.unseen.errors[one.kind]
     recorded = result.recorded.errors[one.kind].found
     least = min(3.0 * one.stated, 2.0 * float(np.abs(found).max())) or 1e-9
     limit = robust_limit(found, least)
-    x, along = along_rows(result.samples.time, np.arange(len(found)))
-    y = Axis(f"error of the {one.kind}, {one.unit}", -limit, limit)
-    columns = Columns(x, along)
-    layers = [
-        spread(columns, y, recorded, "before"),
-        spread(columns, y, found, "after"),
-        *(line(columns, y, columns.mean(sign * stated), "noise") for sign in (-1.0, 1.0)),
-    ]
-    words = f"Error of the {one.kind} on unseen readings over time"
-    keys = {
-        "before": "as recorded",
-        "after": "by fits that had not seen the reading",
-        "noise": "± the standard error that they state",
-    }
-    drawn = plot(x, y, layers, words, arrows(columns, y, found))
-    return caption(words, drawn, keys, beyond_words(found, limit, one.unit))
+    columns = over_rows(result.samples.time, len(found))
+    ends = columns.least(recorded), columns.largest(recorded)
+    return figure(
+        f"Error of the {one.kind} on unseen readings over time",
+        columns.x,
+        about_zero(f"error of the {one.kind}, {one.unit}", limit),
+        band(columns, *ends, "before", "as recorded"),
+        spread(columns, found, "after", "by fits that had not seen the reading"),
+        mean(columns, -stated, "noise", "± the standard error that they state"),
+        mean(columns, stated, "noise", ""),
+        note=beyond_words(found, limit, one.unit),
+    )

@@ -11,7 +11,7 @@ from agonic.readable import make_record
 from agonic.report.digits import significant
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
-from agonic.report.section import Section, Table
+from agonic.report.section import Section, Table, aside
 from agonic.report.verdict import sentence
 from agonic.thermal.campaign.description import Sensor, Station
 from agonic.thermal.campaign.profile import format_signed
@@ -59,7 +59,7 @@ def describe_plan(plan: ThermalPlan, *, title: str = "") -> Document:
                 [lambda: draw_profile(profile), _list_steps(plan)],
                 printed=True,
             ),
-            Section("Stations", [element("p", SEEN, class_="aside"), lambda: _draw_cards(plan)]),
+            Section("Stations", [aside(SEEN), lambda: _draw_cards(plan)]),
             Section(
                 "Standard errors to expect",
                 [

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.arrays import Array
-from agonic.report.axes import Axis, fit_axis, right
+from agonic.report.axes import Axis, fit_axis
+from agonic.report.figure import Figure, figure
+from agonic.report.marks import curve, span
 from agonic.report.markup import Markup, element
-from agonic.report.strips import caption, curve, path, plot
 from agonic.thermal.campaign.profile import Profile
 from agonic.thermal.maths.stations import FACES
 
@@ -100,19 +101,18 @@ def _format_points(pixels: Array) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
 
 
-def draw_profile(profile: Profile) -> Markup:
+def draw_profile(profile: Profile) -> Figure:
     """The chamber's temperature over the time of a station, the recording marked."""
     heating, hold = (segment.duration_s / 3600 for segment in profile.before)
     time, level = profile.corners
     begun = heating + hold
     x = Axis("hours", 0.0, begun + float(time[-1]) / 3600)
-    first = np.array([profile.room_C, profile.highest_C, profile.highest_C])
-    y = fit_axis("°C", np.concatenate([first, level]))
-    edge = float(right(x, np.array(begun)))
-    layers = [
-        path(f"M{edge:.1f} 0H1000V1000H{edge:.1f}Z", "recorded"),
-        curve(x, y, np.array([0.0, heating, begun]), first, "course before"),
-        curve(x, y, begun + time / 3600, level, "course"),
-    ]
-    drawn = plot(x, y, layers, "temperature of the chamber over time")
-    return caption("Temperature of the chamber", drawn, {"recorded": "recorded"})
+    first = [profile.room_C, profile.highest_C, profile.highest_C]
+    return figure(
+        "Temperature of the chamber",
+        x,
+        fit_axis("°C", np.array([*first, *level])),
+        span("recorded", begun, x.high, words="recorded"),
+        curve("course before", [0.0, heating, begun], first),
+        curve("course", begun + time / 3600, level),
+    )
