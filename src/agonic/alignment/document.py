@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from agonic.alignment.coil import METHOD, CoilFit, Direction
+from agonic.alignment.coil import METHOD, CoilFit, Direction, Level
 from agonic.alignment.figures import (
     draw_residuals,
     draw_series,
@@ -29,7 +30,7 @@ from agonic.report.digits import group_digits, quantity, significant, with_sd
 from agonic.report.document import Document
 from agonic.report.figure import Figure, figure
 from agonic.report.marks import level, mean
-from agonic.report.section import Section, Table, list_inputs
+from agonic.report.section import Section, Table, list_inputs, tabulate
 
 FRAMES = {
     "m": "magnetometer",
@@ -97,17 +98,14 @@ def describe_coil(fit: CoilFit) -> Document:
 
 def _list_levels(fit: CoilFit) -> Table:
     """The constant at each size of the current."""
-    head = ("Current, A", "Constant, nT/A", "Standard error", "Departure", "Departure, ppm")
-    rows = [
-        [
-            group_digits(level.current_A, 5),
-            group_digits(level.constant, 3),
-            significant(level.sd, 2),
-            *(significant(level.departure * per, 2) for per in (1.0, 1e6 / fit.constant)),
-        ]
-        for level in fit.levels
-    ]
-    return Table(head, rows, "numbers small")
+    columns: dict[str, Callable[[Level], str]] = {
+        "Current, A": lambda level: group_digits(level.current_A, 5),
+        "Constant, nT/A": lambda level: group_digits(level.constant, 3),
+        "Standard error": lambda level: significant(level.sd, 2),
+        "Departure": lambda level: significant(level.departure, 2),
+        "Departure, ppm": lambda level: significant(1e6 * level.departure / fit.constant, 2),
+    }
+    return tabulate(fit.levels, columns, "numbers small")
 
 
 def _write_coil_axis(letter: str, direction: Direction, time: float | None) -> str:

@@ -33,10 +33,8 @@ HELP = {
 TILTED = ("belt", "circle")
 """Motions with a tilt to choose."""
 
-Field = Annotated[float, typer.Option(help="Magnitude of the field, nT.")]
 Outliers = Annotated[float, typer.Option(help="Share of gross outliers.", min=0, max=1)]
 Clip = Annotated[float, typer.Option(help="Full scale, nT; 0 for none.", min=0)]
-Tilt = Annotated[float | None, typer.Option(help="Largest tilt of belt or circle, degrees.")]
 Truths = Annotated[
     list[Path] | None,
     typer.Option("--truth", metavar="CAL", help="The sensor's calibration; default: random."),
@@ -48,16 +46,22 @@ def motion(
     out: Table,
     n: Readings = 3000,
     noise: Noise = 200.0,
-    field: Field = 50_000.0,
+    field: float = 50_000.0,
     outliers: Outliers = 0.0,
     step: Step = 0.0,
     clip: Clip = 0.0,
-    tilt: Tilt = None,
+    tilt: float | None = None,
     truth: Truths = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> int:
-    """Write the readings of one sensor, and beside them its true calibration."""
+    """Write the readings of one sensor, and beside them its true calibration.
+
+    Options
+    -------
+    field : Magnitude of the field, nT.
+    tilt : Largest tilt of belt or circle, degrees.
+    """
     from agonic.errors import AgonicError
     from agonic.simulation import simulate
 

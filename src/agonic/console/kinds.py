@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial, wraps
 from importlib import import_module
-from inspect import Parameter, Signature, cleandoc, signature
-from json import loads
+from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from agonic.console.boundary import add_columns, add_force
 from agonic.console.help import App, Group
+from agonic.console.options import read_options, split_options
 
 
 class Kinds(Group):
@@ -88,40 +87,10 @@ def register(app: typer.Typer, name: str, place: str, heading: str) -> None:
     made(expand(getattr(module, function or name.replace("-", "_"))))
 
 
-_OPTIONS = "Options\n-------\n"
-"""Below it a docstring says, a line each, what the options of a command are:
-
-    name -o METAVAR ≥0 : what it means
-
-with how it is written besides --name, what stands for its value, and its limits; <NAME> in place
-of these is an argument."""
-
-
-def read_options(text: str) -> dict[str, Any]:
-    """The options that a docstring describes, by the names of the parameters."""
-    _, _, described = cleandoc(text).partition(_OPTIONS)
-    made = {}
-    for entry in filter(None, re.split(r"\n(?!\s)", described)):
-        head, _, says = " ".join(entry.split()).partition(" : ")
-        name, *words = head.split()
-        limits = {word[0]: loads(word[1:]) for word in words if word[0] in "≥≤"}
-        written = [word for word in words if word.startswith("-")]
-        if written and not any(word.startswith("--") for word in written):
-            written.append(f"--{name.replace('_', '-')}")
-        metavar = next((word for word in words if word[0] not in "≥≤-"), None)
-        if metavar is not None and metavar.startswith("<"):
-            made[name] = typer.Argument(metavar=metavar[1:-1], help=says)
-        else:
-            made[name] = typer.Option(
-                *written, metavar=metavar, min=limits.get("≥"), max=limits.get("≤"), help=says
-            )
-    return made
-
-
 def _find_hints(of: Any) -> dict[str, Any]:
     """The types of the parameters of a function or the fields of a group, with their options."""
     hints = get_type_hints(of, include_extras=True)
-    described = read_options(of.__doc__ or "")
+    described = read_options(split_options(of.__doc__ or "")[1])
     return {n: Annotated[h, described[n]] if n in described else h for n, h in hints.items()}
 
 
@@ -147,7 +116,7 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
             options[name] = group(**{field: options.pop(field) for field in group._fields})
         return function(**options)
 
-    run.__doc__ = cleandoc(function.__doc__ or "").partition(_OPTIONS)[0]
+    run.__doc__ = split_options(function.__doc__ or "")[0]
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     return run
 

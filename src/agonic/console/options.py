@@ -2,60 +2,116 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Mapping
+from inspect import cleandoc
+from json import loads
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
-LogPath = Annotated[
-    Path, typer.Argument(metavar="LOG", help="A recording, or - for standard input.")
-]
-CalibrationPath = Annotated[
-    Path, typer.Argument(metavar="CAL", help="A calibration file written by agonic.")
-]
-Sensor = Annotated[
-    str | None,
-    typer.Option("--sensor", "-s", help="Name or number of the sensor (see agonic info)."),
-]
-Unit = Annotated[
-    str | None,
-    typer.Option("--unit", help="Unit of the field where the log names none: nT, uT, mG, G."),
-]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout, nothing else.")]
-At = Annotated[
-    str | None,
-    typer.Option(
-        "--at", metavar="LAT,LON[,ALT]", help="Place: degrees and metres, for the world model."
-    ),
-]
-Date = Annotated[
-    str | None,
-    typer.Option(
-        "--date", help="Date for the world model, 2026-05-01; default: the log's, else today."
-    ),
-]
-WorldModel = Annotated[
-    str | None,
-    typer.Option(
-        "--model", metavar="NAME", help="World model: igrf, wmm or wmmhr; default: by the date."
-    ),
-]
-Altitude = Annotated[
-    float | None,
-    typer.Option("--altitude", metavar="M", help="Altitude, where the log has none."),
-]
-Elements = Annotated[
-    Path | None,
-    typer.Option("--tle", metavar="FILE", help="Two-line elements that give the positions."),
-]
-Magnitude = Annotated[
-    float | None,
-    typer.Option("--field", metavar="NT", help="Magnitude of the field, nT, where it is known."),
-]
+_SECTION = "Options\n-------\n"
+"""Below it a docstring says, a line each, what the options of a command are:
+
+    name -o METAVAR ≥0 : what it means
+
+with how it is written besides --name, what stands for its value, and its limits; <NAME> in place
+of these is an argument."""
 
 
+def split_options(text: str) -> tuple[str, str]:
+    """A docstring without what it says of options, and that."""
+    said, _, described = cleandoc(text).partition(_SECTION)
+    return said, described
+
+
+def read_options(described: str) -> dict[str, Any]:
+    """The options that lines describe, by the names of the parameters."""
+    made = {}
+    for entry in filter(None, re.split(r"\n(?!\s)", described.strip())):
+        head, _, says = " ".join(entry.split()).partition(" : ")
+        name, *words = head.split()
+        limits = {word[0]: loads(word[1:]) for word in words if word[0] in "≥≤"}
+        written = [word for word in words if word.startswith("-")]
+        if written and not any(word.startswith("--") for word in written):
+            written.append(f"--{name.replace('_', '-')}")
+        metavar = next((word for word in words if word[0] not in "≥≤-"), None)
+        if metavar is not None and metavar.startswith("<"):
+            made[name] = typer.Argument(metavar=metavar[1:-1], help=says)
+        else:
+            made[name] = typer.Option(
+                *written, metavar=metavar, min=limits.get("≥"), max=limits.get("≤"), help=says
+            )
+    return made
+
+
+_OF = read_options("""
+log <LOG> : A recording, or - for standard input.
+cal <CAL> : A calibration file written by agonic.
+sensor --sensor -s : Name or number of the sensor (see agonic info).
+unit --unit : Unit of the field where the log names none: nT, uT, mG, G.
+json --json : One JSON object on stdout, nothing else.
+at --at LAT,LON[,ALT] : Place: degrees and metres, for the world model.
+date --date : Date for the world model, 2026-05-01; default: the log's, else today.
+model --model NAME : World model: igrf, wmm or wmmhr; default: by the date.
+altitude --altitude M : Altitude, where the log has none.
+tle --tle FILE : Two-line elements that give the positions.
+field --field NT : Magnitude of the field, nT, where it is known.
+reference --reference X,Y,Z|FILE : The known field at each reading in the sensor's axes: columns of
+  the log, or another log, a coil's or a reference magnetometer's, matched by time.
+course --course : The course over ground is the heading: cars, rovers only.
+between --between S,S : Only this interval, seconds by the clock of the log.
+with --with NAMES : What disturbs on board: current_A, throttle, second.
+scalar --scalar/--no-scalar : Against the scalar instrument, or the world model; default: as the log
+  has it.
+robust : Down-weight outliers with Tukey's loss.
+out -o FOLDER : Folder for calibration and report, or a file .json.
+report --report FILE : Report to write, .html or .txt.
+table -o --out FILE : CSV file to write.
+folder -o --out DIR : Folder to write to.
+noise ≥0 : Noise per axis, nT.
+step ≥0 : Quantisation, nT; 0 for none.
+format : csv or parquet.
+seed ≥0 : Seed of everything random.
+""")
+"""What options mean that several commands share."""
+
+LogPath = Annotated[Path, _OF["log"]]
+CalibrationPath = Annotated[Path, _OF["cal"]]
+Sensor = Annotated[str | None, _OF["sensor"]]
+Unit = Annotated[str | None, _OF["unit"]]
+Json = Annotated[bool, _OF["json"]]
+At = Annotated[str | None, _OF["at"]]
+Date = Annotated[str | None, _OF["date"]]
+WorldModel = Annotated[str | None, _OF["model"]]
+Altitude = Annotated[float | None, _OF["altitude"]]
+Elements = Annotated[Path | None, _OF["tle"]]
+Magnitude = Annotated[float | None, _OF["field"]]
+KnownField = Annotated[str | None, _OF["reference"]]
+Course = Annotated[bool, _OF["course"]]
+Between = Annotated[str | None, _OF["between"]]
+Sources = Annotated[str | None, _OF["with"]]
+Scalar = Annotated[bool | None, _OF["scalar"]]
+Robust = Annotated[bool, _OF["robust"]]
+Out = Annotated[Path | None, _OF["out"]]
+Report = Annotated[Path | None, _OF["report"]]
+Table = Annotated[Path, _OF["table"]]
+Folder = Annotated[Path, _OF["folder"]]
+Readings = Annotated[int, typer.Option("-n", help="Readings.", min=1)]
+Noise = Annotated[float, _OF["noise"]]
+Step = Annotated[float, _OF["step"]]
+Format = Annotated[str, _OF["format"]]
+Seed = Annotated[int, _OF["seed"]]
+Mounting = Annotated[
+    str | None,
+    typer.Option(
+        "--mounting",
+        metavar='"x up, y forward"',
+        help="Where the sensor's axes point in the vehicle: readings are turned into body axes.",
+    ),
+]
 SCALAR_SD_NT = 0.5
 """Absolute accuracy in the data sheets of proton and Overhauser magnetometers: 0.2 to 1 nT."""
 
@@ -88,66 +144,6 @@ class Place(NamedTuple):
     at: At = None
     date: Date = None
     field: Magnitude = None
-
-
-KnownField = Annotated[
-    str | None,
-    typer.Option(
-        "--reference",
-        metavar="X,Y,Z|FILE",
-        help="The known field at each reading in the sensor's axes: columns of the log, or another "
-        "log, a coil's or a reference magnetometer's, matched by time.",
-    ),
-]
-Course = Annotated[
-    bool, typer.Option("--course", help="The course over ground is the heading: cars, rovers only.")
-]
-Between = Annotated[
-    str | None,
-    typer.Option(
-        "--between", metavar="S,S", help="Only this interval, seconds by the clock of the log."
-    ),
-]
-Sources = Annotated[
-    str | None,
-    typer.Option(
-        "--with", metavar="NAMES", help="What disturbs on board: current_A, throttle, second."
-    ),
-]
-Scalar = Annotated[
-    bool | None,
-    typer.Option(
-        "--scalar/--no-scalar",
-        help="Against the scalar instrument, or the world model; default: as the log has it.",
-    ),
-]
-Robust = Annotated[bool, typer.Option(help="Down-weight outliers with Tukey's loss.")]
-Mounting = Annotated[
-    str | None,
-    typer.Option(
-        "--mounting",
-        metavar='"x up, y forward"',
-        help="Where the sensor's axes point in the vehicle: readings are turned into body axes.",
-    ),
-]
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "-o", "--out", metavar="FOLDER", help="Folder for calibration and report, or a file .json."
-    ),
-]
-Report = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE", help="Report to write, .html or .txt.")
-]
-
-
-Table = Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="CSV file to write.")]
-Folder = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder to write to.")]
-Readings = Annotated[int, typer.Option("-n", help="Readings.", min=1)]
-Noise = Annotated[float, typer.Option(help="Noise per axis, nT.", min=0)]
-Step = Annotated[float, typer.Option(help="Quantisation, nT; 0 for none.", min=0)]
-Format = Annotated[str, typer.Option(help="csv or parquet.")]
-Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 
 NOT_OF_THE_RESULT = ("--json", "--open", "--verbose", "--force", "--store", "--as")

@@ -57,8 +57,8 @@ def describe_population(
             Section("What stands out", [tables.list_outliers(population, found, groups)]),
             Section("Refused, and to be checked", [tables.list_reasons(population)]),
             *(describe_group(g, k, np.flatnonzero(belongs == k), noted == 2) for k, g in drawn),
-            Section("", [_list_others(groups[MOST_GROUPS:])]),
-            *([Section("Duplicates", [tables.list_duplicates(same)])] if same else []),
+            Section("", _list_others(groups[MOST_GROUPS:])),
+            Section("Duplicates", [tables.list_duplicates(same)] if same else []),
             Section("All calibrations", [table, rows]),
         ],
         styles=["fleet.css"],
@@ -79,8 +79,8 @@ def describe_run(run: FleetRun) -> Document:
         status=f"{' and '.join(read)}, {count(len(run.population), 'calibration')}: {words}",
         sections=[
             Section("", [_describe_work(run)], printed=True),
-            *_list_reasons(reasons),
-            *_list_unusual(run),
+            _list_reasons(reasons),
+            Section("", _list_unusual(run), printed=True),
         ],
         values={
             **make_record(run),
@@ -116,16 +116,14 @@ def _describe_work(run: FleetRun) -> str:
     return "; ".join(text for n, text in parts if n)
 
 
-def _list_reasons(reasons: Sequence[tuple[str, int]]) -> list[Section]:
-    if not reasons:
-        return []
+def _list_reasons(reasons: Sequence[tuple[str, int]]) -> Section:
     lines = [f"{rows:>6}  {reason}" for reason, rows in reasons[:MAX_REASONS]]
     others = sum(rows for _, rows in reasons[MAX_REASONS:])
     lines += [f"{others:>6}  other reasons"] if others else []
-    return [Section("Not good, because of", lines, printed=True)]
+    return Section("Not good, because of", lines, printed=True)
 
 
-def _list_unusual(run: FleetRun) -> list[Section]:
+def _list_unusual(run: FleetRun) -> list[str]:
     sensors = sorted({outlier.sensor for outlier in run.outliers})
     lines = []
     if sensors:
@@ -136,7 +134,7 @@ def _list_unusual(run: FleetRun) -> list[Section]:
         lines.append(f"{count(len(sensors), 'sensor')} unlike the others: {names}")
     if run.duplicates:
         lines.append(f"{count(len(run.duplicates), 'log')} more than once")
-    return [Section("", lines, printed=True)] if lines else []
+    return lines
 
 
 # ---- the page ------------------------------------------------------------------------------------
@@ -166,8 +164,8 @@ def _assign_groups(population: Population, groups: Sequence[Peers]) -> NDArray[n
     return belongs
 
 
-def _list_others(groups: Sequence[Peers]) -> Markup:
+def _list_others(groups: Sequence[Peers]) -> list[Markup]:
     if not groups:
-        return Markup("")
+        return []
     said = "; ".join(f"{group.name}: {count(len(group), 'sensor')}" for group in groups)
-    return aside(f"Not drawn, because they are few: {said}.")
+    return [aside(f"Not drawn, because they are few: {said}.")]

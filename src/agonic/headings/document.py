@@ -45,13 +45,14 @@ def draw_sd(found: Heading) -> Figure:
     """The standard error of the heading over time, and the part that noise makes."""
     columns = over_rows(found.time, len(found))
     sd, random = (_fill(v, found.trusted) for v in (found.sd_deg, found.random_sd_deg))
+    noise = np.where(random > 0.0, random, np.nan)  # smoothed headings have none to tell
     top = robust_limit(sd, 0.1, found.trusted.astype(np.float64))
     return figure(
         "Standard error",
         columns.x,
         Axis("standard error, °", 0.0, 1.1 * top),
         spread(columns, sd, words="standard error"),
-        mean(columns, random, "noise", "of which noise, new in every reading"),
+        mean(columns, noise, "noise", "of which noise, new in every reading"),
         _mark_doubted(found, columns),
     )
 

@@ -179,7 +179,7 @@ def describe_plan(plan: Placement, source: Input | None = None) -> Document:
         sections=[
             Section("The vehicle", [lambda: [draw_view(plan, "above"), draw_view(plan, "right")]]),
             Section("Heading error in service", [make_table(plan.compasses)], printed=True),
-            *_expect_deviation(plan),
+            _expect_deviation(plan),
             Section("What each adds", [_list_sources(plan)], printed=True),
             list_inputs(source, method=("hanson-hirshman-2002", "nga-2004")),
         ],
@@ -200,10 +200,10 @@ def _write_mix(matrix: Array) -> str:
     return "raw₁ − G (raw₂ − raw₁), G = " + "; ".join(rows)
 
 
-def _expect_deviation(plan: Placement) -> list[Section]:
+def _expect_deviation(plan: Placement) -> Section:
     """A to E and heeling deviation; calibrated compasses have none."""
     if plan.ensemble.calibrated:
-        return []
+        return Section("", [])
     shown = plan.compasses[:-1]
     values = np.stack([one.coefficients for one in shown], axis=1)
     sds = np.stack([one.coefficients_sd for one in shown], axis=1)
@@ -214,7 +214,7 @@ def _expect_deviation(plan: Placement) -> list[Section]:
         cells = (f"{group_digits(v, digits)} ± {group_digits(sd, digits)}" for v, sd in pairs)
         rows.append([f"{term.replace('_', ' ')}, {unit}", *cells])
     table = Table(("Deviation", *(one.name for one in shown)), rows, scrolls=True)
-    return [Section("Deviation to expect", [table], printed=True)]
+    return Section("Deviation to expect", [table], printed=True)
 
 
 def _list_sources(plan: Placement) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 from agonic.attitude.disturbers.choice import JudgedDisturber
@@ -12,11 +12,23 @@ from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
 from agonic.report.labels import per_label
-from agonic.report.section import Section, Table
+from agonic.report.section import Section, Table, tabulate
 
 _UNKNOWN = 1e5
 """nT, above any field of the Earth: nothing is known of such a bias."""
-ERRORS = ("Step", "Positions", "Readings", "Bias x, y, z", "Heading")
+ERRORS: dict[str, Callable[[PlannedSets], str]] = {
+    "Step": lambda one: f"{one.step_deg:g}°",
+    "Positions": lambda one: str(one.positions),
+    "Readings": lambda one: str(one.positions * one.readings),
+    "Bias x, y, z": lambda one: f"{', '.join(map(_write_bias_sd, one.bias_sd))} nT",
+    "Heading": lambda one: (
+        f"{significant(one.heading_sd_deg, 2)}°" if one.determined else "not determined"
+    ),
+}
+
+
+def _write_bias_sd(sd: float) -> str:
+    return group_digits(float(sd)) if sd < _UNKNOWN else "?"
 
 
 def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = None) -> Document:
@@ -32,23 +44,12 @@ def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = Non
             f"Turn in steps of {chosen.step_deg:g}°: {chosen.positions} positions, {each}, "
             f"{significant(chosen.heading_sd_deg, 2)}° of heading."
         )
-    rows = [
-        [
-            f"{one.step_deg:g}°",
-            str(one.positions),
-            str(one.positions * one.readings),
-            ", ".join(group_digits(sd) if sd < _UNKNOWN else "?" for sd in one.bias_sd.tolist())
-            + " nT",
-            f"{significant(one.heading_sd_deg, 2)}°" if one.determined else "not determined",
-        ]
-        for one in sets
-    ]
     return Document(
         schema="agonic/plan-calibration@1",
         kind="Plan of a calibration",
         name="Three sets about three axes",
         status=status,
-        sections=[Section("Errors to expect", [Table(ERRORS, rows)], printed=True)],
+        sections=[Section("Errors to expect", [tabulate(sets, ERRORS)], printed=True)],
         values={
             "sets": [make_record(one) for one in sets],
             "chosen_step_deg": None if chosen is None else chosen.step_deg,
@@ -101,17 +102,15 @@ def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
     together = {tuple(sorted({one.source, *one.along})) for one in lacking if one.along}
     moves = [f"{name_sources(n)} move together: switch each by itself." for n in sorted(together)]
     moves += [f"{one.source}: {one.move}." for one in lacking if not one.along]
-    rows = [
-        [
-            one.source,
-            f"{one.low:.3g} … {one.high:.3g}",
-            f"{one.share:.0%}",
-            f"{one.attitude:.0%}",
-            f"{quantity(one.sd, 'nT', 2)} {per_label(one.source)}",
-        ]
-        for one in judged
-    ]
-    head = ("Source", "Range", "Of its own", "Goes with attitude", "Standard error to expect")
+    columns: dict[str, Callable[[JudgedDisturber], str]] = {
+        "Source": lambda one: one.source,
+        "Range": lambda one: f"{one.low:.3g} … {one.high:.3g}",
+        "Of its own": lambda one: f"{one.share:.0%}",
+        "Goes with attitude": lambda one: f"{one.attitude:.0%}",
+        "Standard error to expect": lambda one: (
+            f"{quantity(one.sd, 'nT', 2)} {per_label(one.source)}"
+        ),
+    }
     return Document(
         schema="agonic/plan-disturbers@1",
         kind="Disturbers of a recording",
@@ -122,6 +121,6 @@ def describe_judged(sensor: str, judged: Sequence[JudgedDisturber]) -> Document:
             else f"{len(lacking)} of {len(judged)} cannot be separated from the rest. "
             + " ".join(moves)
         ),
-        sections=[Section("Disturbers", [Table(head, rows, style="numbers")], printed=True)],
+        sections=[Section("Disturbers", [tabulate(judged, columns)], printed=True)],
         values={"disturbers": [asdict(one) for one in judged]},
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from agonic.arrays import Mask
@@ -18,7 +20,7 @@ from agonic.report.section import Section
 from agonic.samples import Samples
 from agonic.thermal import figures, tables
 from agonic.thermal.fit.evidence import find_worst_sd
-from agonic.thermal.fit.result import ThermalFit
+from agonic.thermal.fit.result import Bins, ThermalFit
 from agonic.verification import Verification
 
 STYLES = ("thermal.css",)
@@ -41,13 +43,7 @@ def describe_calibration(
     calibration : what is applied. thermal : it, or its step that depends on temperature.
     samples, verification : readings that it was tried on, and what that showed.
     """
-    sections = [
-        Section("Validity", [describe_validity(thermal)]),
-        Section("Coefficients over temperature", [lambda: figures.draw_coefficients(thermal)]),
-        Section("Scale factors and angles", [lambda: figures.draw_decomposition(thermal)]),
-        Section("Numbers", [tables.list_numbers(thermal)]),
-        Section("In powers of the temperature, °C", [tables.list_powers(thermal)]),
-    ]
+    sections = [Section("Validity", [describe_validity(thermal)]), *show_coefficients(thermal)]
     if samples is not None and verification is not None:
         sections.insert(0, _show_log(calibration, thermal, samples, verification))
     return Document(
@@ -59,6 +55,17 @@ def describe_calibration(
         samples=samples,
         styles=STYLES,
     )
+
+
+def show_coefficients(calibration: Thermal, bins: Bins | None = None) -> list[Section]:
+    """The coefficients over temperature, drawn with the bins of the fit, and in numbers."""
+    drawn = partial(figures.draw_coefficients, calibration, bins)
+    return [
+        Section("Coefficients over temperature", [drawn]),
+        Section("Scale factors and angles", [partial(figures.draw_decomposition, calibration)]),
+        Section("Numbers", [tables.list_numbers(calibration)]),
+        Section("In powers of the temperature, °C", [tables.list_powers(calibration)]),
+    ]
 
 
 def list_key_figures(calibration: Thermal, fit: ThermalFit | None) -> list[tuple[str, str, str]]:

@@ -15,7 +15,12 @@ from agonic.report.markup import element
 from agonic.report.section import Block, Section, aside, tabulate
 from agonic.report.verdict import WHEN_GOOD, moves, sentence
 from agonic.thermal import figures, tables
-from agonic.thermal.calibration_document import STYLES, describe_validity, list_key_figures
+from agonic.thermal.calibration_document import (
+    STYLES,
+    describe_validity,
+    list_key_figures,
+    show_coefficients,
+)
 from agonic.thermal.campaign.description import join_numbers
 from agonic.thermal.campaign.recording import Campaign
 from agonic.thermal.checks.boards import find_courses, list_boards
@@ -206,25 +211,17 @@ def _show_evidence(
     result: CalibratedSensor, fit: ThermalFit, files: Sequence[str]
 ) -> list[Section]:
     """The figures and tables of a sensor that was fitted."""
-    calibration = fit.calibration
-    sections = [
-        Section(
-            "Coefficients over temperature",
-            [lambda: figures.draw_coefficients(calibration, fit.bins)],
-        ),
-        Section("Scale factors and angles", [lambda: figures.draw_decomposition(calibration)]),
-        Section("Numbers", [tables.list_numbers(calibration)]),
-        Section("In powers of the temperature, °C", [tables.list_powers(calibration)]),
-        *([Section("Unseen readings", _compare_unseen(fit))] if fit.alternatives else []),
+    written = [element("p", element("code", ", ".join(files)))] if files else []
+    return [
+        *show_coefficients(fit.calibration, fit.bins),
+        Section("Unseen readings", _compare_unseen(fit) if fit.alternatives else []),
         Section("Before and after at every station", _show_stations(result, fit)),
         Section("Order of the polynomials", [lambda: figures.draw_orders(fit)]),
         Section("Cooling and heating", _compare_passes(fit)),
         Section("Anomalies", tables.list_anomalies(fit.anomalies)),
-        Section("Validity", [describe_validity(calibration)]),
+        Section("Validity", [describe_validity(fit.calibration)]),
+        Section("Files", written),
     ]
-    if files:
-        sections.append(Section("Files", [element("p", element("code", ", ".join(files)))]))
-    return sections
 
 
 def _compare_unseen(fit: ThermalFit) -> list[Block]:
@@ -257,14 +254,11 @@ def _show_stations(result: CalibratedSensor, fit: ThermalFit) -> list[Block]:
 
 def _compare_passes(fit: ThermalFit) -> list[Block]:
     """Hysteresis, and the term in dT/dt in words."""
-    shown: list[Block] = []
-    if fit.hysteresis is not None:
-        shown.append(tables.list_hysteresis(fit.hysteresis, fit.calibration))
     lag = tables.describe_lag(fit.calibration)
-    shown += [lag] if lag else []
+    said: list[Block] = [lag] if lag else []
     if fit.hysteresis is None:
-        shown.append(aside("Only one direction was recorded."))
-    return shown
+        return [*said, aside("Only one direction was recorded.")]
+    return [tables.list_hysteresis(fit.hysteresis, fit.calibration), *said]
 
 
 def _list_entries(fit: ThermalFit, files: Sequence[str]) -> dict[str, str]:

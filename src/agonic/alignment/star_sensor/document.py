@@ -22,7 +22,7 @@ from agonic.readable import make_record
 from agonic.report.digits import MINUS, group_digits, quantity, significant, with_sd, write_minus
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element
-from agonic.report.section import Section, Table
+from agonic.report.section import Block, Section, Table
 from agonic.report.tables import NOTHING
 from agonic.report.verdict import moves
 
@@ -84,7 +84,7 @@ def describe_alignment(fit: AlignmentFit) -> Document:
         entries=_entries(fit),
         entries_title="",
         sections=[
-            *([] if fit.verdict == "refused" else [_describe_alignment(fit)]),
+            Section("The alignment", [] if fit.verdict == "refused" else _describe_alignment(fit)),
             *_list_evidence(fit),
         ],
         values={
@@ -130,7 +130,7 @@ def _others(fit: AlignmentFit) -> dict[str, str]:
     return said
 
 
-def _describe_alignment(fit: AlignmentFit) -> Section:
+def _describe_alignment(fit: AlignmentFit) -> list[Block]:
     """Angles, quaternion, matrix, and what else was solved for."""
     angles = [
         [f"{name}, degrees", group_digits(float(value), 7), f"{significant(float(sd), 2)}″"]
@@ -150,26 +150,20 @@ def _describe_alignment(fit: AlignmentFit) -> Section:
         ]
         for axis, *row in zip("xyz", fit.rot_mc, fit.matrix_sd_arcsec, strict=True)
     ]
-    return Section(
-        "The alignment",
-        [
-            element(
-                "div",
-                *(
-                    Table((name, "Value", "Standard error"), rows).to_html()
-                    for name, rows in (("Angle", angles), ("Quaternion", quaternion))
-                ),
-                class_="pair tables",
-            ),
-            "Components in the star sensor’s axes become those in the magnetometer’s by "
-            "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
-            "Standard errors about the magnetometer’s axes: "
-            f"{write_by_axis(fit.sd_arcsec, between=', ')}.",
-            Table(("Magnetometer", "star sensor x", "y", "z"), cosines, scrolls=True),
-            lambda: draw_figure(draw_axes(*map(float, fit.angles_deg)), AXES_CAPTION),
-            _others(fit),
-        ],
+    pair = (
+        Table((name, "Value", "Standard error"), rows).to_html()
+        for name, rows in (("Angle", angles), ("Quaternion", quaternion))
     )
+    return [
+        element("div", *pair, class_="pair tables"),
+        "Components in the star sensor’s axes become those in the magnetometer’s by "
+        "R3(γ) R2(β) R3(α), the quaternion (Hamilton, scalar first) and this matrix. "
+        "Standard errors about the magnetometer’s axes: "
+        f"{write_by_axis(fit.sd_arcsec, between=', ')}.",
+        Table(("Magnetometer", "star sensor x", "y", "z"), cosines, scrolls=True),
+        lambda: draw_figure(draw_axes(*map(float, fit.angles_deg)), AXES_CAPTION),
+        _others(fit),
+    ]
 
 
 def _numbers(fit: AlignmentFit) -> dict[str, Any]:

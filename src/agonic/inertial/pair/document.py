@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from agonic.arrays import Array
 from agonic.calibration.affine import Affine
-from agonic.inertial.pair.check import PairCheck
+from agonic.inertial.pair.check import Change, PairCheck
 from agonic.inertial.pair.result import PairFit
 from agonic.readable import make_record
 from agonic.report.digits import group_digits, quantity, significant
 from agonic.report.document import Document
-from agonic.report.section import Section, Table
+from agonic.report.section import Section, Table, tabulate
 
 SHOT_HEAD = ("Shot", "Target", "Gravity", "Field", "Dip", "Slope", "Azimuth", "")
-CHANGE_HEAD = ("", "By", "Standard errors", "Headings, rms", "Chance")
 TERM_HEAD = ("", "x", "y", "z")
 
 
@@ -136,16 +136,13 @@ def _values(fit: PairFit, sensor: str) -> dict[str, Any]:
 
 def describe_check(check: PairCheck, sensor: str) -> Document:
     """Whether a setup still holds, and what may have changed."""
-    rows = [
-        [
-            change.name,
-            ", ".join(significant(float(value), 2) for value in change.size) + f" {change.unit}",
-            ", ".join(significant(float(value), 2) for value in change.sd),
-            f"{significant(change.turns_deg, 2)}°",
-            f"{change.chance:.2g}",
-        ]
-        for change in check.changes
-    ]
+    columns: dict[str, Callable[[Change], str]] = {
+        "": lambda one: one.name,
+        "By": lambda one: f"{_join(one.size)} {one.unit}",
+        "Standard errors": lambda one: _join(one.sd),
+        "Headings, rms": lambda one: f"{significant(one.turns_deg, 2)}°",
+        "Chance": lambda one: f"{one.chance:.2g}",
+    }
     said = "Each change at its best, its effect on headings, and how likely it is by chance."
     return Document.judge(
         check,
@@ -153,7 +150,7 @@ def describe_check(check: PairCheck, sensor: str) -> Document:
         kind="Check of a setup by shots",
         name=sensor,
         method=f"a setup by {len(check.shot)} shots",
-        sections=[Section("What may have changed", [said, Table(CHANGE_HEAD, rows)])],
+        sections=[Section("What may have changed", [said, tabulate(check.changes, columns)])],
         values={
             "sensor": sensor,
             "n": len(check.shot),
@@ -162,3 +159,7 @@ def describe_check(check: PairCheck, sensor: str) -> Document:
             "changes": [change._asdict() for change in check.changes],
         },
     )
+
+
+def _join(values: Array) -> str:
+    return ", ".join(significant(float(value), 2) for value in values)

@@ -23,7 +23,7 @@ from agonic.report.digits import (
     with_sd,
 )
 from agonic.report.labels import per_label, unit_label
-from agonic.report.markup import Markup, element, row
+from agonic.report.markup import Markup, grouped_table
 from agonic.report.section import Block, Section, Shown, Table, aside
 from agonic.report.tables import NOTHING
 from agonic.report.verdict import sentence
@@ -155,15 +155,15 @@ def _tabulate(groups: list[Numbers], known: bool) -> Markup:
     head = ["Number", "Flight"]
     if known:
         head = ["Number", "Ground", "Flight", "Change", "in σ", "change over its standard error"]
-    bodies = []
-    for group in groups:
-        unit = f", {unit_label(group.unit)}" if group.unit else ""
-        note = f" ({group.note})" if group.note else ""
-        name = element("th", f"{group.name}{unit}{note}", scope="rowgroup", colspan=len(head))
-        cells = (row(_list_cells(q, reach)) for q in group.rows)
-        bodies.append(element("tbody", element("tr", name), *cells))
-    columns = element("tr", *(element("th", text, scope="col") for text in head))
-    return element("table", element("thead", columns), *bodies, class_="numbers compared")
+    named = (
+        (
+            f"{group.name}{f', {unit_label(group.unit)}' if group.unit else ''}"
+            f"{f' ({group.note})' if group.note else ''}",
+            [_list_cells(q, reach) for q in group.rows],
+        )
+        for group in groups
+    )
+    return grouped_table(head, named, class_="numbers compared")
 
 
 def _list_cells(q: Comparison, reach: float) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import nan
 
@@ -17,13 +17,12 @@ from agonic.network.retraining.retrainer import Correction, Retrainer
 from agonic.readable import make_record
 from agonic.report.digits import NO_BREAK, count, group_digits, quantity, write_minus
 from agonic.report.document import Document, list_sentences
-from agonic.report.section import Block, Section, Table, aside
+from agonic.report.section import Block, Section, aside, tabulate
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import sentence
 
 MOST = 200
 """Rows of the table of retrainings."""
-_HEAD = ("Time", "Why", "Outcome", "Candidate", "Readings", "Unseen before", "after", "Reason")
 _WHY = {
     "period": "a period is over",
     "change": "residual changed",
@@ -103,7 +102,7 @@ def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
         residual = partial(figures.draw_residual, *drawn)
     history: list[Block] = ["None was due."]
     if seen.retrainings:
-        history = [Table(_HEAD, [_row(one) for one in seen.retrainings[-MOST:]], "history")]
+        history = [tabulate(seen.retrainings[-MOST:], _HISTORY, "history")]
         if (left := len(seen.retrainings) - MOST) > 0:
             said = f"{count(left, 'earlier one')} left out."
             history.append(aside(said))
@@ -114,23 +113,29 @@ def _sections(retrainer: Retrainer, seen: Correction) -> list[Section]:
     ]
 
 
-def _row(one: Retraining) -> list[str]:
-    outcome = mark("good", "accepted") if one.accepted else mark("refused", "rejected")
-    reason = one.reason  # its figures have columns of their own
-    if one.what and not one.poisoned:
-        reason = describe_outcome(one.accepted, one.running_rms, one.candidate_rms)
-    return [
-        f"{group_digits(one.time, 1)}{NO_BREAK}s",
-        _WHY[one.why],
-        outcome,
-        one.what or NOTHING,
-        group_digits(one.rows),
-        *(
-            quantity(rms, "nT") if np.isfinite(rms) else NOTHING
-            for rms in (one.running_rms, one.candidate_rms)
-        ),
-        write_minus(sentence(reason)),
-    ]
+def _write_rms(rms: float) -> str:
+    return quantity(rms, "nT") if np.isfinite(rms) else NOTHING
+
+
+def _give_reason(one: Retraining) -> str:
+    """Its reason; where the figures have columns of their own, without them."""
+    known = one.what and not one.poisoned
+    outcome = describe_outcome(one.accepted, one.running_rms, one.candidate_rms)
+    return write_minus(sentence(outcome if known else one.reason))
+
+
+_HISTORY: dict[str, Callable[[Retraining], str]] = {
+    "Time": lambda one: f"{group_digits(one.time, 1)}{NO_BREAK}s",
+    "Why": lambda one: _WHY[one.why],
+    "Outcome": lambda one: (
+        mark("good", "accepted") if one.accepted else mark("refused", "rejected")
+    ),
+    "Candidate": lambda one: one.what or NOTHING,
+    "Readings": lambda one: group_digits(one.rows),
+    "Unseen before": lambda one: _write_rms(one.running_rms),
+    "after": lambda one: _write_rms(one.candidate_rms),
+    "Reason": _give_reason,
+}
 
 
 def _settings(retrainer: Retrainer) -> dict[str, str]:

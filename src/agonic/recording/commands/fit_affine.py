@@ -31,17 +31,6 @@ if TYPE_CHECKING:
 SoftIron = Annotated[
     float, typer.Option(help="Prior on soft iron, standard deviation; 0 for none.")
 ]
-Model = Annotated[str, typer.Option(help="sphere, diagonal or full.")]
-FreeGauge = Annotated[
-    str, typer.Option(help="symmetric; free (a turn of the sensor as well); or auto.")
-]
-Turn = Annotated[
-    float, typer.Option(help="Prior on that turn, degrees, standard deviation; 0 for none.")
-]
-Second = Annotated[
-    str | None,
-    typer.Option("--second", metavar="SENSOR", help="The second magnetometer, for --with second."),
-]
 
 HELP = {
     "levelled": "Bias and matrix of a vehicle that cannot tumble: roll, pitch and the field of the "
@@ -59,17 +48,22 @@ def ellipsoid(
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     scalar: ScalarChoice = ScalarChoice(),
-    model: Annotated[str, typer.Option(help="auto, sphere, diagonal or full.")] = "auto",
-    method: Annotated[
-        str, typer.Option(help="likelihood, adjusted, li-griffiths or linear.")
-    ] = "likelihood",
-    gauge: Annotated[str, typer.Option(help="symmetric, or triangular.")] = "symmetric",
+    model: str = "auto",
+    method: str = "likelihood",
+    gauge: str = "symmetric",
     robust: Robust = True,
     soft_iron_sd: SoftIron = 0.1,
     between: Between = None,
     as_json: Json = False,
 ) -> int:
-    """Bias and matrix from the magnitude alone."""
+    """Bias and matrix from the magnitude alone.
+
+    Options
+    -------
+    model : auto, sphere, diagonal or full.
+    method : likelihood, adjusted, li-griffiths or linear.
+    gauge : symmetric, or triangular.
+    """
     from agonic.console.place import open_beside_scalar
     from agonic.recording.each_sensor import calibrate_mission, open_missions
 
@@ -91,17 +85,25 @@ def aided(
     which: SensorChoice = SensorChoice(),
     place: Place = Place(),
     sources: Sources = None,
-    second: Second = None,
+    second: str | None = None,
     course: Course = False,
-    model: Model = "full",
-    gauge: FreeGauge = "auto",
+    model: str = "full",
+    gauge: str = "auto",
     robust: Robust = True,
     soft_iron_sd: SoftIron = 0.1,
-    turn_sd_deg: Turn = 2.0,
+    turn_sd_deg: float = 2.0,
     between: Between = None,
     as_json: Json = False,
 ) -> int:
-    """Bias and matrix, aided by the attitude; the kind says by how much of it."""
+    """Bias and matrix, aided by the attitude; the kind says by how much of it.
+
+    Options
+    -------
+    second SENSOR : The second magnetometer, for --with second.
+    model : sphere, diagonal or full.
+    gauge : symmetric; free (a turn of the sensor as well); or auto.
+    turn_sd_deg : Prior on that turn, degrees, standard deviation; 0 for none.
+    """
     kind = str(context.info_name)
     if place.field is not None and kind != "interference":
         raise AgonicError(f"--field is of no use to a {kind} fit, which needs --at and --date")

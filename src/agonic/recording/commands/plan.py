@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from agonic.console.options import Between, Json, SensorChoice
 
 
 def disturbers(
-    log: Annotated[
-        Path | None, typer.Argument(metavar="[LOG]", help="A recording to judge.")
-    ] = None,
-    motors: Annotated[int, typer.Option(min=0, max=12, help="Of the vehicle.")] = 4,
-    also: Annotated[
-        str, typer.Option("--with", metavar="NAMES", help="What else is switched on board.")
-    ] = "",
-    noise: Annotated[float, typer.Option(metavar="NT", help="Of one reading on an axis.")] = 300.0,
+    log: Path | None = None,
+    motors: int = 4,
+    also: str = "",
+    noise: float = 300.0,
     which: SensorChoice = SensorChoice(),
     between: Between = None,
     as_json: Json = False,
 ) -> int:
-    """What to switch while recording; for a LOG, how well each is known and what to add."""
+    """What to switch while recording; for a LOG, how well each is known and what to add.
+
+    Options
+    -------
+    log <[LOG]> : A recording to judge.
+    motors ≥0 ≤12 : Of the vehicle.
+    also --with NAMES : What else is switched on board.
+    noise NT : Of one reading on an axis.
+    """
     from agonic.console.finish import finish
     from agonic.console.parse import parse_names
     from agonic.recording.plan_documents import describe_judged, describe_steps
@@ -41,26 +42,27 @@ def disturbers(
 
 
 def calibration(
-    wanted: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Standard error of the heading wanted.")
-    ] = None,
-    tilt: Annotated[
-        float, typer.Option(metavar="DEG", help="How far it can be tilted; from 90 turned over.")
-    ] = 180.0,
-    attitude_sd: Annotated[
-        float | None,
-        typer.Option("--attitude-sd", metavar="DEG", help="Roll and pitch are logged this well."),
-    ] = None,
-    noise: Annotated[float, typer.Option(metavar="NT", help="Of one reading on an axis.")] = 300.0,
-    field: Annotated[float, typer.Option(metavar="NT", help="Magnitude to expect.")] = 48_000.0,
-    dip: Annotated[float, typer.Option(metavar="DEG", help="Inclination to expect.")] = 65.0,
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help="The positions, .csv; a page, .html."),
-    ] = None,
+    wanted: float | None = None,
+    tilt: float = 180.0,
+    attitude_sd: float | None = None,
+    noise: float = 300.0,
+    field: float = 48_000.0,
+    dip: float = 65.0,
+    out: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """Three sets of readings about three axes: the errors to expect for each step of rotation."""
+    """Three sets of readings about three axes: the errors to expect for each step of rotation.
+
+    Options
+    -------
+    wanted DEG : Standard error of the heading wanted.
+    tilt DEG : How far it can be tilted; from 90 turned over.
+    attitude_sd DEG : Roll and pitch are logged this well.
+    noise NT : Of one reading on an axis.
+    field NT : Magnitude to expect.
+    dip DEG : Inclination to expect.
+    out -o FILE : The positions, .csv; a page, .html.
+    """
     from agonic.console.finish import finish
     from agonic.ellipsoid.plan import plan_calibration
     from agonic.recording.plan_documents import choose_sets, describe_plan
