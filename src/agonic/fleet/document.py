@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.fleet import figures
 from agonic.fleet import summary_tables as tables
 from agonic.fleet.group_section import describe_group
 from agonic.fleet.summary_tables import embed_rows
@@ -20,6 +19,7 @@ from agonic.report.digits import count, group_digits
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element, markup
 from agonic.report.section import Section, aside
+from agonic.report.tables import draw_bar
 
 if TYPE_CHECKING:
     from agonic.fleet.settings import FleetRun
@@ -43,7 +43,9 @@ def describe_population(
     noted = _mark_rows(len(population), found)
     belongs = _assign_groups(population, groups)
     verdicts = tables.count_verdicts(population)
-    shares = markup(figures.draw_verdicts(verdicts), tables.describe_verdicts(verdicts))
+    words = ", ".join(f"{n} {name}" for name, n in verdicts.items())
+    bar = draw_bar([(f"share {name}", n) for name, n in verdicts.items()], words)
+    shares = markup(bar, tables.describe_verdicts(verdicts))
     drawn = enumerate(groups[:MOST_GROUPS])
     rows = embed_rows(population, belongs, notes, noted)
     none = f"{count(len(population), 'calibration')} to search, sort and select with JavaScript on."

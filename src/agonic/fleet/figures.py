@@ -11,7 +11,7 @@ from agonic.maths.estimation.robust.robust_line import Line
 from agonic.population.peers import Peers
 from agonic.report.axes import Axis
 from agonic.report.digits import count, quantity
-from agonic.report.figure import Panel, path
+from agonic.report.figure import Panel
 from agonic.report.marks import curve, dots, histogram, span, upright
 from agonic.report.markup import Markup, element, markup
 from agonic.report.section import aside
@@ -106,27 +106,6 @@ def draw_biases(group: Peers, number: int, bias: Array, noted: Mask, unit: str) 
         class_="pair",
     )
     return markup(drawn, aside(said))
-
-
-def draw_verdicts(counts: dict[str, int]) -> Markup:
-    """The shares of good, to be checked and refused as one bar."""
-    total, at, parts = max(sum(counts.values()), 1), 0.0, []
-    for name, n in counts.items():
-        if n:
-            wide = 1000.0 * n / total
-            d = f"M{at:.1f} 0H{at + wide:.1f}V1000H{at:.1f}Z"
-            parts.append(path(d, f"share {name}"))
-            at += wide
-    words = ", ".join(f"{n} {name}" for name, n in counts.items())
-    return element(
-        "svg",
-        *parts,
-        class_="shares",
-        viewBox="0 0 1000 1000",
-        preserveAspectRatio="none",
-        role="img",
-        aria_label=words,
-    )
 
 
 def describe_usual(usual: tuple[float, float] | None, unit: str) -> str:

@@ -5,18 +5,16 @@ and returns a `Document`:
 
     def describe_coil(fit: CoilFit, *, title: str = "") -> Document:
         """What is said and shown of a coil."""
-        return Document(
+        return Document.judge(
+            fit,
             schema="agonic/fit-coil@1",
             kind="Magnetic axis of a coil",
             name=fit.session.coil,
             title=title,
             method=f"{fit.reversals} current reversals",
-            verdict=fit.verdict,
-            status=fit.status,
-            findings=fit.findings,
             entries={"Constant": f"{with_sd(fit.constant, fit.constant_sd)} nT/A"},
             sections=[
-                Section("Linearity", [Table(HEAD, [level_row(level) for level in fit.levels])]),
+                Section("Linearity", [tabulate(fit.levels, COLUMNS)]),
                 Section("Residuals", [lambda: draw_residuals(fit)]),
             ],
             values={"coil": fit.session.coil, "n": fit.n, "constant_nT_A": fit.constant},
@@ -36,8 +34,13 @@ The public `…_page` function of a wing is `describe_coil(fit, title=title).to_
   findings, notes, provenance, and the same in text: none of it is composed in a wing. In JSON
   verdict, status and findings are there already; `values` adds the rest, and overrides.
 - A `Section` (in `section`, as is `Table`) has blocks: prose (`str`), entries (`dict`), a `Table`,
-  or what draws a figure: a function without arguments, called only for a page. `printed=True` puts
-  its prose, entries and tables in the text too.
+  a `Figure`, or a function without arguments that makes some, called only for a page. Without
+  blocks it is left out. `printed=True` puts its prose, entries and tables in the text too.
+- A `Figure` is panels of axes and marks, and a mark says what lies where, in which colour, and its
+  words in the legend:
+
+    figure("Residuals", columns.x, y, spread(columns, values), level("noise", [-sd, sd]))
+
 - Several sensors in one result: a document for each in `sensors`. A plan or another thing without
   a verdict leaves `verdict` out; its `status` is the summary that comes first.
 - A refused result shows no entries and no key figures; which sections and values it has, the wing
@@ -45,7 +48,7 @@ The public `…_page` function of a wing is `describe_coil(fit, title=title).to_
 
 Modules, from what is used most: `document` (the above), `digits` (numbers as people read them),
 `labels` (units, frames), `text` (signs of verdicts, wrapping, columns), `markup` (escaped HTML),
-`axes` and `strips` (figures along an axis), `tables` (checks, findings, provenance), `blocks`
+`axes`, `marks` and `figure` (what is drawn), `tables` (checks, findings, provenance), `blocks`
 (header, verdict, key figures), `verdict` (its words), `page_file` (the file around a page).
 The kit knows no wing: what is about one result only belongs to that wing.
 '''

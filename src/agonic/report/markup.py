@@ -31,11 +31,11 @@ def element(name: str, *children: str, **attributes: str | float | None) -> Mark
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]], **attributes: str | None) -> Markup:
-    """A table whose first cell of each row names the row."""
+    """A table whose first cell of each row names the row; a row may be markup already."""
     return element(
         "table",
         element("thead", element("tr", *(element("th", h, scope="col") for h in head))),
-        element("tbody", *map(row, rows)),
+        element("tbody", *(one if isinstance(one, Markup) else row(one) for one in rows)),
         **attributes,
     )
 
@@ -56,11 +56,11 @@ def grouped_table(
     return element("table", element("thead", columns), *bodies, **attributes)
 
 
-def row(cells: Iterable[str]) -> Markup:
+def row(cells: Iterable[str], **attributes: str) -> Markup:
     """A row of a table; its first cell names it."""
     first, *others = cells
     head = element("th", first, scope="row")
-    return element("tr", head, *(element("td", cell) for cell in others))
+    return element("tr", head, *(element("td", cell) for cell in others), **attributes)
 
 
 def data_script(value: Any, **attributes: str) -> Markup:

@@ -142,13 +142,17 @@ def list_shares(sds: Mapping[str, float], most: int | None = None) -> list[str]:
 
 def draw_shares(sds: Mapping[str, float]) -> Markup:
     """The same as one bar."""
-    total, at, bar = sum(sd**2 for sd in sds.values()), 0.0, list[Markup]()
-    for sd in sds.values():
-        width = 1000 * sd**2 / total
-        bar.append(element("rect", x=f"{at:.1f}", width=f"{width:.1f}", height="10"))
-        at += width
     said = (element("span", element("i", class_="key"), one) for one in list_shares(sds))
-    return markup(
-        element("svg", *bar, viewBox="0 0 1000 10", preserveAspectRatio="none", class_="shares"),
-        element("p", *said, class_="legend shares-legend"),
-    )
+    bar = draw_bar([("", sd**2) for sd in sds.values()])
+    return markup(bar, element("p", *said, class_="legend shares-legend"))
+
+
+def draw_bar(sizes: Sequence[tuple[str, float]], said: str | None = None) -> Markup:
+    """Parts as long as their sizes, each of a class of the style sheets, as one bar."""
+    total, end, parts = sum(size for _, size in sizes) or 1.0, 0.0, []
+    for name, size in sizes:
+        begin, end = end, end + 1000.0 * size / total
+        at = {"x": f"{begin:.1f}", "width": f"{end - begin:.1f}", "height": "10"}
+        parts.append(element("rect", **at, class_=name or None))
+    look = {"viewBox": "0 0 1000 10", "preserveAspectRatio": "none", "class_": "shares"}
+    return element("svg", *parts, **look, role=said and "img", aria_label=said)

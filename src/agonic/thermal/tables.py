@@ -23,7 +23,7 @@ from agonic.report.digits import (
     write_minus,
 )
 from agonic.report.labels import unit_label
-from agonic.report.markup import Markup, element, row
+from agonic.report.markup import Markup, element, row, table
 from agonic.report.section import Block, Table, tabulate
 from agonic.report.tables import NOTHING, mark
 from agonic.report.verdict import MEANINGS
@@ -76,7 +76,6 @@ def list_ratios(
     Source: Nikolaev et al. 2023, table.
     """
     tested = any(sensor.held_out is not None for sensor in sensors)
-    head = ["Sensor", *figures.COMPONENTS, *(["|B|, stations left out"] if tested else [])]
     rows: list[Markup] = []
     for sensor in sensors:
         if sensor.fit is None or sensor.fit.spread is None:
@@ -88,15 +87,10 @@ def list_ratios(
         rows.append(row([sensor.name, *cells]))
         if sensor.name in beside:
             other = [f"{float(ratio):.2f}" for ratio in beside[sensor.name]]
-            cells = [*other, *[""] * (len(head) - 1 - len(other))]
-            name = element("th", words, scope="row")
-            rows.append(element("tr", name, *(element("td", c) for c in cells), class_="beside"))
-    return element(
-        "table",
-        element("thead", element("tr", *(element("th", h, scope="col") for h in head))),
-        element("tbody", *rows),
-        class_="ratios",
-    )
+            blank = [""] * (len(cells) - len(other))
+            rows.append(row([words, *other, *blank], class_="beside"))
+    head = ["Sensor", *figures.COMPONENTS, *(["|B|, stations left out"] if tested else [])]
+    return table(head, rows, class_="ratios")
 
 
 def list_shares(found: ChamberField) -> Table:

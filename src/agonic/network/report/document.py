@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from agonic.network.fit.solve import correlate
 from agonic.network.report import figures
 from agonic.readable import make_record
 from agonic.report import tables as common
-from agonic.report.digits import count, group_digits, percent, quantity, with_sd, write_minus
+from agonic.report.digits import count, each_with_sd, group_digits, percent, quantity, write_minus
 from agonic.report.document import Document
 from agonic.report.fields import make_table
 from agonic.report.figure import Figure
@@ -276,8 +275,7 @@ def _numbers(network: Network) -> list[Section]:
     }
     shown.append(common.definitions({k: v for k, v in properties.items() if v}))
     if isinstance(base, Affine):
-        sds = repeat(None) if base.sd is None else base.sd.tolist()
-        rows = [[f"bias, {base.unit_in}", *map(with_sd, base.bias.tolist(), sds)]]
+        rows = [[f"bias, {base.unit_in}", *each_with_sd(base.bias, base.sd)]]
         rows += [
             [f"matrix, {axis}", *(write_minus(f"{v:.6f}") for v in line)]
             for axis, line in zip("xyz", base.matrix, strict=True)
@@ -301,7 +299,7 @@ def _list_weights(network: Network) -> Markup:
         table(
             [letter, *columns, "constant"],
             [
-                [name, *map(with_sd, values[j].tolist(), repeat(None) if own is None else own[j])]
+                [name, *each_with_sd(values[j], None if own is None else own[j])]
                 for j, name in enumerate(rows)
             ],
             class_="weights",
