@@ -208,6 +208,10 @@ def _draw_panel(axes: Any, panel: Panel, title: str) -> None:
         axes.legend(fontsize="x-small")
 
 
+def _dot(axes: Any, *at: Any, **look: Any) -> None:
+    axes.plot(*at, ".", markersize=3, **look)
+
+
 def _fill(axes: Any, across: Any, low: Any, high: Any, **look: Any) -> None:
     axes.fill_between(across, low, high, alpha=0.3, linewidth=1, **look)
 
@@ -225,7 +229,7 @@ _DRAWN: dict[str, Callable[..., object]] = {
     "curve": lambda axes, *at, **look: axes.plot(*at, **look),
     "area": _fill,
     "spread": _fill,
-    "dots": lambda axes, *at, **look: axes.plot(*at, ".", markersize=3, **look),
+    "dots": _dot,
     "whiskers": lambda axes, *at, **look: axes.vlines(*at, **look),
     "level": lambda axes, at, **look: axes.hlines(at, *axes.get_xlim(), linestyles="--", **look),
     "upright": lambda axes, at, **look: axes.vlines(at, *axes.get_ylim(), **look),

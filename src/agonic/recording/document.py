@@ -30,7 +30,7 @@ from agonic.recording.sections import (
     summarise_ladder,
 )
 from agonic.recording.values import FIELDS, list_values
-from agonic.report import blocks, tables
+from agonic.report import tables
 from agonic.report.digits import count, group_digits, percent, quantity
 from agonic.report.document import Document
 from agonic.report.labels import unit_label
@@ -319,4 +319,4 @@ def _describe_coverage(result: Calibrated) -> list[Block]:
 def _list_files(files: Sequence[str], texts: Mapping[str, str]) -> Markup:
     if not files:
         return element("p", "No files were written.")
-    return markup(*(blocks.show_file(Path(name).name, texts.get(name)) for name in files))
+    return markup(*(tables.show_file(Path(name).name, texts.get(name)) for name in files))

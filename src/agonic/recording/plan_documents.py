@@ -9,7 +9,7 @@ from agonic.attitude.disturbers.choice import JudgedDisturber
 from agonic.calibration.sources import name_sources
 from agonic.ellipsoid.plan import PlannedSets
 from agonic.readable import make_record
-from agonic.report.digits import group_digits, quantity, significant
+from agonic.report.digits import degrees, group_digits, quantity, significant
 from agonic.report.document import Document
 from agonic.report.labels import per_label
 from agonic.report.section import Section, Table, tabulate
@@ -21,9 +21,7 @@ ERRORS: dict[str, Callable[[PlannedSets], str]] = {
     "Positions": lambda one: str(one.positions),
     "Readings": lambda one: str(one.positions * one.readings),
     "Bias x, y, z": lambda one: f"{', '.join(map(_write_bias_sd, one.bias_sd))} nT",
-    "Heading": lambda one: (
-        f"{significant(one.heading_sd_deg, 2)}°" if one.determined else "not determined"
-    ),
+    "Heading": lambda one: degrees(one.heading_sd_deg) if one.determined else "not determined",
 }
 
 

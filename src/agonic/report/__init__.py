@@ -48,7 +48,7 @@ The public `…_page` function of a wing is `describe_coil(fit, title=title).to_
 
 Modules, from what is used most: `document` (the above), `digits` (numbers as people read them),
 `labels` (units, frames), `text` (signs of verdicts, wrapping, columns), `markup` (escaped HTML),
-`axes`, `marks` and `figure` (what is drawn), `tables` (checks, findings, provenance), `blocks`
-(header, verdict, key figures), `verdict` (its words), `page_file` (the file around a page).
+`axes`, `marks` and `figure` (what is drawn), `tables` (header, verdict, key figures, checks,
+findings, provenance), `verdict` (its words), `page_file` (the file around a page).
 The kit knows no wing: what is about one result only belongs to that wing.
 '''

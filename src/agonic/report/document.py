@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 from agonic.calibration.base import Calibration
 from agonic.health import Finding, Judged, sentences, sort_findings
 from agonic.health.finding import NOT_READ
-from agonic.report import blocks, tables, text
+from agonic.report import tables, text
 from agonic.report.digits import typeset
 from agonic.report.markup import Markup, data_script, element, markup
 from agonic.report.page_file import assemble_page, read_static
@@ -139,7 +139,7 @@ class Document:
             *self._origin("h2"),
         ]
         body = markup(
-            blocks.header(self.kind, name, *under), element("main", *inside), *self._scripts()
+            tables.header(self.kind, name, *under), element("main", *inside), *self._scripts()
         )
         return assemble_page(
             f"{self.kind}: {name}",
@@ -247,7 +247,7 @@ class Document:
         """Verdict and figures to look at first; of a refused result the verdict alone."""
         if self.verdict:
             found, rest = self._split_status()
-            yield blocks.verdict(
+            yield tables.verdict(
                 self.verdict,
                 typeset(rest),
                 move=self.next_move,
@@ -257,7 +257,7 @@ class Document:
                 ],
             )
         if self.key_figures and self._shows_numbers:
-            yield blocks.key_figures(self.key_figures)
+            yield tables.key_figures(self.key_figures)
 
     def _bullet(self, finding: Finding, says: str) -> str:
         """A finding beside the verdict; its move is left to the line that says what to do next."""
@@ -272,7 +272,7 @@ class Document:
         parts = [(f"{within}part-{k}", one.title) for k, one in named if one.title]
         parts += [(f"{within}findings", "Findings")] if self.findings is not None else []
         articles = enumerate(self.sensors, start=1)
-        yield blocks.contents([*parts, *((f"sensor-{k}", one.name) for k, one in articles)])
+        yield tables.contents([*parts, *((f"sensor-{k}", one.name) for k, one in articles)])
 
     def _middle(self, level: str, within: str = "") -> Iterable[Markup]:
         if self.entries and self.entries_title and self._shows_numbers:
@@ -281,15 +281,15 @@ class Document:
             yield section.to_html(level, f"{within}part-{k}" if self.contents else "")
         if self.findings is not None:
             found, at = tables.findings(self.findings), f"{within}findings"
-            yield blocks.part("Findings", found, level=level, anchor=at if self.contents else "")
+            yield tables.part("Findings", found, level=level, anchor=at if self.contents else "")
         if self.remarks:
             notes = [element("p", typeset(sentence(note))) for note in self.remarks]
-            yield blocks.part("Notes", *notes, level=level)
+            yield tables.part("Notes", *notes, level=level)
 
     def _origin(self, level: str) -> Iterable[Markup]:
         if self.calibration is not None:
             made = tables.provenance(self.calibration, self.samples)
-            yield blocks.part("Provenance", made, level=level)
+            yield tables.part("Provenance", made, level=level)
 
     def _article(self, anchor: str) -> Markup:
         """The document of one sensor within that of several."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from agonic.citations import find_citation
 from agonic.provenance import Input, Provenance
-from agonic.report import blocks, tables, text
+from agonic.report import tables, text
 from agonic.report.digits import count, typeset
 from agonic.report.figure import Figure
 from agonic.report.markup import Markup, element, markup, table
@@ -68,7 +68,7 @@ class Section:
             drawn = [element("div", *drawn, class_=self.style)]
         if not self.title:
             return markup(*drawn)
-        return blocks.part(self.title, *drawn, level=level, anchor=anchor)
+        return tables.part(self.title, *drawn, level=level, anchor=anchor)
 
     def to_text(self, width: int = text.WIDTH) -> list[str]:
         """The section as lines, after an empty one."""

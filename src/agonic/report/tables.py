@@ -1,8 +1,9 @@
-"""Tables and lists that many pages have: checks, findings, definitions, provenance."""
+"""What pages are made of: header, parts, verdict, key figures; checks, findings, provenance."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from urllib.parse import quote
 
 from agonic.calibration.base import Calibration
 from agonic.citations import CITATIONS
@@ -10,7 +11,7 @@ from agonic.health import Finding
 from agonic.report.digits import count, percent, quantity, typeset
 from agonic.report.labels import FRAMES, unit_label
 from agonic.report.markup import Markup, element, markup, table
-from agonic.report.verdict import sentence
+from agonic.report.verdict import MEANINGS, sentence
 from agonic.samples import Samples
 from agonic.verification import Check, Verification
 
@@ -37,6 +38,64 @@ def mark(verdict: str, *words: str) -> Markup:
     stroke = element("path", d=ICONS[verdict])
     sign = element("svg", stroke, class_="sign", viewBox="0 0 16 16", aria_hidden="true")
     return element("span", sign, *words, class_=f"mark {verdict}")
+
+
+def header(kicker: str, name: str, *more: str) -> Markup:
+    """What kind of page it is, and what it is about."""
+    return element("header", element("p", kicker, class_="kicker"), element("h1", name), *more)
+
+
+def part(title: str, *content: str, level: str = "h2", anchor: str = "") -> Markup:
+    """A section under its heading, with an anchor to link to."""
+    return element("section", element(level, title), *content, id=anchor or None)
+
+
+def contents(entries: Iterable[tuple[str, str]]) -> Markup:
+    """A table of contents: anchors and titles."""
+    links = (element("li", element("a", title, href=f"#{anchor}")) for anchor, title in entries)
+    return element("nav", element("ul", *links), class_="contents", aria_label="Contents")
+
+
+def verdict(word: str, *said: str, move: str = "", found: Iterable[tuple[str, str]] = ()) -> Markup:
+    """A verdict in its word and what that means, what was found, one a bullet with the sign of its
+    severity, what else is said, and the move that helps."""
+    shown, meaning = MEANINGS[word]
+    return element(
+        "div",
+        element("p", mark(word, shown), f": {meaning}", class_="word"),
+        element("ul", *(element("li", mark(sign, ""), " ", text) for sign, text in found))
+        if (found := list(found))
+        else "",
+        element("p", *said) if any(said) else "",
+        element("p", element("strong", "Do next: "), typeset(sentence(move))) if move else "",
+        class_=f"verdict {word}",
+    )
+
+
+def key_figures(entries: Iterable[tuple[str, str, str]]) -> Markup:
+    """The numbers to look at first: name, value, and what it is of."""
+    return element(
+        "dl",
+        *(
+            element(
+                "div",
+                element("dt", name),
+                element("dd", value, class_="value"),
+                element("dd", note, class_="aside"),
+            )
+            for name, value, note in entries
+        ),
+        class_="key-figures",
+    )
+
+
+def show_file(name: str, text: str | None) -> Markup:
+    """A file beside the page as a link; a small one unfolds, and can be copied."""
+    link = element("a", element("code", name), href=quote(name))
+    if text is None:
+        return element("p", link)
+    copy = element("button", "Copy", type="button", data_copy="", hidden="")
+    return element("details", element("summary", link), copy, element("pre", text), class_="file")
 
 
 def checks(verification: Verification) -> Markup:

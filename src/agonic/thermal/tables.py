@@ -116,7 +116,7 @@ BOARDS: dict[str, Callable[[Board], str]] = {
     "Left out": lambda board: group_digits(board.rejected),
     "Missing": lambda board: group_digits(board.missing),
     "Gaps": lambda board: str(sum(board.gaps.values())),
-    "Longest": lambda board: quantity(board.longest_s, "s", 3) if board.gaps else NOTHING,
+    "Longest": lambda board: quantity(board.longest_s, "s") if board.gaps else NOTHING,
     "Restarts": lambda board: str(sum(board.restarts.values())),
 }
 """How the recordings of each board were kept up."""

@@ -27,7 +27,6 @@ from agonic.headings.deviation.plan import SwingPlan
 from agonic.health import figure
 from agonic.readable import make_record
 from agonic.report import tables
-from agonic.report.blocks import header
 from agonic.report.document import Document
 from agonic.report.markup import Markup, element, markup, table
 from agonic.report.page_file import assemble_page, read_static
@@ -82,7 +81,8 @@ def card_page(
     swing = dict(details or {}) | ({} if fit is None else {"Readings": str(fit.n)}) | _swing(card)
     evidence = element("div", coefficients, tables.definitions(swing), class_="fit")
     body = markup(
-        header("Compass deviation card", title or card.sensor), element("main", *parts, evidence)
+        tables.header("Compass deviation card", title or card.sensor),
+        element("main", *parts, evidence),
     )
     style = Template(read_static("card.css")).substitute(paper=paper, **_SHEETS[paper])
     style += read_static("card_chart.css")
