@@ -281,7 +281,7 @@ def _draw_heading_error(title: str, rung: Rung, words: str = "", sd: float = 0.0
         title,
         Axis("true heading, °", 0.0, 360.0),
         about_zero("error, °", 1.1 * max(float(np.abs(errors).max()), sd, 0.01)),
-        level("noise", [-sd, sd] if sd else [], words=stated),
         curve("mean", np.linspace(0.0, 360.0, len(errors)), errors, words=words),
+        level("noise", [-sd, sd] if sd else [], words=stated),
         note="" if words else f"{degrees(rung.heading_error_deg)} rms",
     )

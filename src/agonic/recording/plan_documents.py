@@ -47,7 +47,9 @@ def describe_plan(sets: Sequence[PlannedSets], *, wanted_deg: float | None = Non
         kind="Plan of a calibration",
         name="Three sets about three axes",
         status=status,
-        sections=[Section("Errors to expect", [tabulate(sets, ERRORS)], printed=True)],
+        sections=[
+            Section("Errors to expect", [tabulate(sets, ERRORS, scrolls=True)], printed=True)
+        ],
         values={
             "sets": [make_record(one) for one in sets],
             "chosen_step_deg": None if chosen is None else chosen.step_deg,
