@@ -205,7 +205,7 @@ def test_the_page_has_contents_that_lead_somewhere(page) -> None:
 def test_the_temperature_at_every_station_is_drawn(result, page) -> None:
     drawn = re.findall(r'aria-label="[^"]*: station (\d+), °C over hours".*?</svg>', page)
     assert [int(number) for number in drawn] == list(range(1, 13))
-    first = page[page.index("Temperature at station 1 over time") :]
+    first = page[page.index(": station 1, °C over hours") :]
     (curve,) = re.findall(r'<path d="M([^"]*)" class="common"', first[: first.index("</svg>")])
     down = np.array([float(pair.split()[1]) for pair in curve.split("L")])
     level = find_courses(result.campaign)[0][1].level_C
