@@ -25,15 +25,16 @@ Verdict = Literal["good", "check", "refused"]
 
 
 class Limit(NamedTuple):
-    """Above which a number is to be looked at, refuses, or is worth a note."""
+    """Above which a number is to be looked at, refuses, or is worth a note; so is none at all."""
 
     check: float = float("inf")
     refuse: float = float("inf")
     note: float = float("inf")
 
     def grade(self, size: float) -> Severity | None:
-        """How grave a number of this size is."""
-        return next((one for one in _GRAVEST_FIRST if size > getattr(self, one)), None)
+        """How grave a number of this size is; one that is none (NaN) exceeds every limit set."""
+        limits = ((one, getattr(self, one)) for one in _GRAVEST_FIRST)
+        return next((one for one, limit in limits if limit < np.inf and not size <= limit), None)
 
 
 def figure(value: float, digits: int = 2) -> str:
@@ -90,14 +91,23 @@ class Fact(NamedTuple):
 def find_facts(table: Iterable[Fact], *subject: object) -> Iterator[Finding]:
     """The findings of the rows of a table that are true of a subject."""
     for fact in table:
-        told = fact.measure(*subject)
-        if told is None:
-            continue
-        words = dict(told) if isinstance(told, Mapping) else {"value": told}
-        limit = fact.limit
-        severity = limit.grade(words["value"]) if isinstance(limit, Limit) else limit
-        if severity is not None:
-            yield word_finding(fact.name, severity, fact.what, fact.move, words)
+        if (finding := word_fact(fact, fact.measure(*subject))) is not None:
+            yield finding
+
+
+def word_fact(fact: Fact, told: Told, **more: object) -> Finding | None:
+    """The finding of what the measure of a row told, if it is one; `more` words for its braces."""
+    if told is None:
+        return None
+    words = {**(told if isinstance(told, Mapping) else {"value": told}), **more}
+    limit = fact.limit
+    severity = limit.grade(words["value"]) if isinstance(limit, Limit) else limit
+    return severity and word_finding(fact.name, severity, fact.what, fact.move, words)
+
+
+def find_first(table: Iterable[Fact], *subject: object) -> Finding | None:
+    """The finding of the first row of a table that is true of a subject."""
+    return next(find_facts(table, *subject), None)
 
 
 def word_finding(

@@ -6,7 +6,7 @@ go with those of the other sensors: each is a `Fault`, with what mends it where 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -14,14 +14,22 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.health import Finding, figure
+from agonic.health.finding import (
+    Fact,
+    Finding,
+    Told,
+    figure,
+    find_facts,
+    find_first,
+    word_fact,
+)
 from agonic.health.scale import STUCK_SHARE
 from agonic.health.sticking import find_stuck_rows, find_stuck_values
 from agonic.health.turning import (
+    GRAVITY_TURNING,
     MIN_ROWS,
     SMOOTHED_S,
-    check_gravity_turning,
-    check_turning,
+    TURNING,
     find_telling,
 )
 from agonic.maths.one_pass import find_length, median
@@ -43,7 +51,7 @@ _ACCELERATION_UNITS = (
     (STANDARD_GRAVITY_M_S2 / 1000, "thousandths of g"),
 )
 _ANGLES = ("roll_deg", "pitch_deg", "heading_deg")
-_SENSORS = (("acceleration", "accelerometer"), ("rotation_rate", "gyro"))
+_SENSORS = {"acceleration": "accelerometer", "rotation_rate": "gyro"}
 
 
 class Fault(NamedTuple):
@@ -91,36 +99,28 @@ def find_faults(samples: Samples) -> tuple[Fault, ...]:
 
 def _find_faults(samples: Samples) -> tuple[Fault, ...]:
     found: dict[str, Fault] = {}
-    for check in (_check_nothing, _check_scale, _check_still, _check_turning):
-        for fault in check(samples):
-            found.setdefault(fault.column, fault)
-            samples = samples.with_columns(**{fault.column: fault.repaired})
+    for fact, columns in FACTS:
+        for column in columns:
+            told = None if getattr(samples, column) is None else fact.measure(samples, column)
+            finding = word_fact(fact, told, sensor=_SENSORS[column])
+            if finding is None:
+                continue
+            repaired = told.get("repaired") if isinstance(told, Mapping) else None
+            found.setdefault(column, Fault(column, finding, repaired))
+            samples = samples.with_columns(**{column: repaired})
     return tuple(found.values())
 
 
-def _check_turning(samples: Samples) -> Iterator[Fault]:
-    if (finding := check_turning(samples)) is not None:
-        yield Fault("rotation_rate", finding)
-        samples = samples.with_columns(rotation_rate=None)
-    if (finding := check_gravity_turning(samples)) is not None:
-        yield Fault("acceleration", finding)
-
-
-def _check_nothing(samples: Samples) -> Iterator[Fault]:
+def _measure_nothing(samples: Samples, column: str) -> Told:
     """A device without an accelerometer or a gyro may send zeros for it."""
-    for column, sensor in _SENSORS:
-        values: Array | None = getattr(samples, column)
-        if values is not None and not values.any():
-            told = f"the {sensor} reads nothing but zeros; it was left out"
-            yield Fault(column, Finding("inertial unit", "note", told))
+    return None if getattr(samples, column).any() else {}
 
 
-def _check_scale(samples: Samples) -> Iterator[Fault]:
+def _measure_scale(samples: Samples, _: str) -> Told:
     """An acceleration in another unit: what it is at rest is not gravity. Its direction is all that
     a fit takes, so one of unknown unit is scaled to gravity."""
     force = samples.acceleration
-    if force is None:
-        return
+    assert force is not None
     telling = find_telling(samples)
     assert telling.acceleration is not None
     # vibration adds to it, unless it is smoothed out, and turning takes from it where it is
@@ -135,71 +135,110 @@ def _check_scale(samples: Samples) -> Iterator[Fault]:
         if abs(share * known - 1) < _NEAR:
             factor, unit = known, name
     if 1 / SCALE < share < SCALE or (share < _NOTHING and not unit):
-        return
+        return None
     looks = f"it is in {unit}" if unit else "its unit is another one"
-    yield Fault(
-        "acceleration",
-        Finding(
-            "inertial unit",
-            "check",
-            f"the acceleration is {figure(size)} in size where gravity is 9.8 m/s²: {looks}",
-            f"name its unit; it was taken times {figure(factor, 3)}",
-        ),
-        factor * force,
-    )
+    return {"size": size, "looks": looks, "factor": factor, "repaired": factor * force}
 
 
-def _check_still(samples: Samples) -> Iterator[Fault]:
-    """Axes that stand still while the others move, and streams that stop while the field moves."""
-    for column, sensor in _SENSORS:
-        values: Array | None = getattr(samples, column)
-        if values is None or len(values) < MIN_ROWS or not _is_noisy(values):
-            continue
-        found = _check_axes_still(values, sensor) or _check_stopped(samples, values, sensor)
-        if found is not None:
-            yield Fault(column, found)
+def _measure_still_axis(samples: Samples, column: str) -> Told:
+    """The first axis that stands still while the others move."""
+    values: Array = getattr(samples, column)
+    if not _is_noisy(values):
+        return None
+    stuck = np.stack([find_stuck_rows(values, axis) for axis in range(3)])
+    axis = int(np.argmax(stuck.mean(axis=1) >= STUCK_SHARE))
+    if (share := float(stuck[axis].mean())) < STUCK_SHARE:
+        return None
+    return {
+        "axis": "xyz"[axis],
+        "level": float(values[np.argmax(stuck[axis]), axis]),
+        "unit": "rad/s" if column == "rotation_rate" else "m/s²",
+        "rows": "all rows" if share == 1.0 else f"{100 * share:.0f} % of the rows",
+    }
 
 
 def _is_noisy(values: Array) -> bool:
-    """Whether the readings (n, 3) flicker, so that an axis that does not is no axis at rest. Third
+    """Whether readings (n, 3) flicker, so that an axis that does not is no axis at rest. Third
     differences of a smooth motion, as a computer makes it, go on alike; those of noise go to and
     fro."""
+    if len(values) < MIN_ROWS:
+        return False
     jerk = np.diff(values, n=3, axis=0)
     to_and_fro = (jerk[1:] * jerk[:-1]).sum(axis=0) < 0
     return bool((to_and_fro & (np.median(np.abs(jerk), axis=0) > 0)).any())
 
 
-def _check_axes_still(values: Array, sensor: str) -> Finding | None:
-    for axis, name in enumerate("xyz"):
-        stuck = find_stuck_rows(values, axis)
-        if stuck.mean() < STUCK_SHARE:
-            continue
-        level = figure(float(values[np.argmax(stuck), axis]))
-        share = "all rows" if stuck.all() else f"{100 * stuck.mean():.0f} % of the rows"
-        unit = "rad/s" if sensor == "gyro" else "m/s²"
-        return Finding(
-            "inertial unit",
-            "refuse",
-            f"axis {name} of the {sensor} reads {level} {unit} in {share} while its other axes "
-            "move: it is dead or at the end of its range",
-            f"check the {sensor}, its range and its wiring, and record again",
-        )
-    return None
-
-
-def _check_stopped(samples: Samples, values: Array, sensor: str) -> Finding | None:
-    stopped = find_stopped_rows(values, [samples.field])
-    if stopped.mean() < STUCK_SHARE:
+def _measure_stopped(samples: Samples, column: str) -> Told:
+    """A stream that stops while the field moves."""
+    values: Array = getattr(samples, column)
+    if not _is_noisy(values):
         return None
-    assert samples.time is not None
+    return _tell_since(samples, find_stopped_rows(values, [samples.field]))
+
+
+def _tell_since(samples: Samples, stopped: Mask) -> Told:
+    """How many rows those are in which a stream had stopped, and since when; None where few."""
+    if samples.time is None or stopped.mean() < STUCK_SHARE:
+        return None
     since = figure(float(samples.time[np.argmax(stopped)]), 4)
-    return Finding(
-        "inertial unit",
-        "refuse",
-        f"the {sensor} repeats one reading in {100 * stopped.mean():.0f} % of the rows while the "
-        f"magnetometer moves, from t = {since} s on: it stopped",
-        f"record again with the {sensor} running throughout, or use the part of the log before",
-    )
+    return {"share": 100 * float(stopped.mean()), "since": since}
+
+
+_BOTH = tuple(_SENSORS)
+FACTS = (
+    (
+        Fact(
+            "inertial unit",
+            _measure_nothing,
+            "note",
+            "the {sensor} reads nothing but zeros; it was left out",
+        ),
+        _BOTH,
+    ),
+    (
+        Fact(
+            "inertial unit",
+            _measure_scale,
+            "check",
+            "the acceleration is {size} in size where gravity is 9.8 m/s²: {looks}",
+            "name its unit; it was taken times {factor:3}",
+        ),
+        ("acceleration",),
+    ),
+    (
+        Fact(
+            "inertial unit",
+            _measure_still_axis,
+            "refuse",
+            "axis {axis} of the {sensor} reads {level} {unit} in {rows} while its other axes move: "
+            "it is dead or at the end of its range",
+            "check the {sensor}, its range and its wiring, and record again",
+        ),
+        _BOTH,
+    ),
+    (
+        Fact(
+            "inertial unit",
+            _measure_stopped,
+            "refuse",
+            "the {sensor} repeats one reading in {share:.0f} % of the rows while the magnetometer "
+            "moves, from t = {since} s on: it stopped",
+            "record again with the {sensor} running throughout, or use the part of the log before",
+        ),
+        _BOTH,
+    ),
+    (TURNING, ("rotation_rate",)),
+    (GRAVITY_TURNING, ("acceleration",)),
+)
+"""What may be wrong, of samples and one of their columns, and with which of them."""
+STOPPED = Fact(
+    "stopped",
+    _tell_since,
+    "check",
+    "the magnetometer repeats one reading in {share:.0f} % of the rows while other sensors move, "
+    "from t = {since} s on: it had stopped, and they were left out",
+    "check the sensor and its wiring, and whether it can fail in use",
+)
 
 
 def find_stopped_readings(samples: Samples) -> tuple[Mask, Finding] | None:
@@ -210,16 +249,8 @@ def find_stopped_readings(samples: Samples) -> tuple[Mask, Finding] | None:
     if samples.time is None or len(samples.time) < MIN_ROWS or not others:
         return None
     stopped = find_stopped_rows(samples.field, others)
-    if stopped.mean() < STUCK_SHARE:
-        return None
-    since = figure(float(samples.time[np.argmax(stopped)]), 4)
-    return stopped, Finding(
-        "stopped",
-        "check",
-        f"the magnetometer repeats one reading in {100 * stopped.mean():.0f} % of the rows while "
-        f"other sensors move, from t = {since} s on: it had stopped, and they were left out",
-        "check the sensor and its wiring, and whether it can fail in use",
-    )
+    finding = find_first([STOPPED], samples, stopped)
+    return None if finding is None else (stopped, finding)
 
 
 def find_stopped_rows(values: Array, others: Sequence[Array]) -> Mask:
@@ -238,18 +269,23 @@ def check_clipping(samples: Samples) -> Finding | None:
     rate = samples.rotation_rate
     if rate is None or len(rate) < MIN_ROWS:
         return None
-    for name, axis in zip("xyz", np.abs(rate).T, strict=True):
-        most, pinned = float(axis.max()), axis == axis.max()
-        free = axis[~pinned]
-        share = float(pinned.mean())
-        if share < PINNED or len(free) < MIN_ROWS or (np.diff(free) == 0).mean() > PINNED:
-            continue
-        top = figure(float(np.degrees(most)))
-        return Finding(
-            "inertial unit",
-            "check",
-            f"the gyro never reads more than {top}°/s about {name}, and just that in "
-            f"{100 * share:.0f} % of the rows: it clips",
-            "set a wider range of the gyro, or turn more slowly",
-        )
-    return None
+    return next((one for axis in range(3) for one in find_facts([CLIPPING], rate, axis)), None)
+
+
+def _measure_pinned(rate: Array, axis: int) -> Told:
+    size = np.abs(rate[:, axis])
+    pinned = size == size.max()
+    free, share = size[~pinned], float(pinned.mean())
+    if share < PINNED or len(free) < MIN_ROWS or (np.diff(free) == 0).mean() > PINNED:
+        return None
+    return {"top": float(np.degrees(size.max())), "axis": "xyz"[axis], "share": 100 * share}
+
+
+CLIPPING = Fact(
+    "inertial unit",
+    _measure_pinned,
+    "check",
+    "the gyro never reads more than {top}°/s about {axis}, and just that in {share:.0f} % of the "
+    "rows: it clips",
+    "set a wider range of the gyro, or turn more slowly",
+)

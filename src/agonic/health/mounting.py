@@ -8,7 +8,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.health.evidence import MOST_ROWS
-from agonic.health.finding import Finding, figure
+from agonic.health.finding import Fact, Finding, Told, find_first
 from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.mounting import (
     describe_mounting,
@@ -36,7 +36,7 @@ STEEP = 0.3
 """Of the readings: a vertical that is less may have its sign from iron."""
 TALK = 0.1
 """Attitudes good to 0.3° beside axes that talk to each other by 5 %: noise over talk."""
-MIRRORED = 0.015
+MIRRORED_SHARE = 0.015
 """Of the field: a vertical that varies by less shows nothing, or does not matter."""
 MIRRORS = (
     ("pitch seems to have the opposite sign", np.diag([-1.0, 1.0, 1.0])),
@@ -59,6 +59,11 @@ class Best(NamedTuple):
     clear: bool
     left: float
     own: float
+
+    @property
+    def percent(self) -> dict[str, float]:
+        """What either leaves, in hundredths."""
+        return {"left": 100 * self.left, "own": 100 * self.own}
 
 
 def _find_best(misfit: Array) -> Best:
@@ -84,12 +89,14 @@ REVERSED_FIELD = Finding(
 
 
 def check_mounting(readings: Array, down: Array, vertical: Array | None = None) -> Finding | None:
-    """The finding that the sensor sits in the vehicle by another right angle than its axes say. A
-    vehicle that keeps level tells which axis is upright; where two axes would do as well, what
-    moves the readings is something else, and nothing is said."""
-    mirrored = None if vertical is None else _check_mirrored(readings, down, vertical)
-    if mirrored is not None:
-        return mirrored
+    """The finding that the sensor sits in the vehicle by another right angle than its axes say, or
+    that roll or pitch is counted the wrong way round."""
+    return find_first([MIRRORED, MISPLACED], readings, down, vertical)
+
+
+def _measure_misplaced(readings: Array, down: Array, vertical: Array | None) -> Told:
+    """A vehicle that keeps level tells which axis is upright; where two axes would do as well, what
+    moves the readings is something else, and nothing is told."""
     turns = right_angles()
     misfit = vertical_misfit(readings, down, turns, vertical=vertical)
     best = int(np.argmin(misfit))
@@ -99,14 +106,7 @@ def check_mounting(readings: Array, down: Array, vertical: Array | None = None) 
     if misfit[best] * RIVAL > misfit[upright != upright[best]].min():
         return None  # what moves the readings is not the turning of the vehicle
     mounted = describe_mounting(turns[best])
-    return Finding(
-        "mounting",
-        "refuse",
-        "the readings do not follow roll and pitch along the axes they are named for; they would "
-        f"with the sensor mounted so that {mounted}",
-        "say so where it sits like that (agonic calibrate --mounting "
-        f'"{mounted.replace(" points ", " ")}"), or correct the orientation set for this sensor',
-    )
+    return {"mounted": mounted, "word": mounted.replace(" points ", " ")}
 
 
 def check_axes(
@@ -116,10 +116,16 @@ def check_axes(
     upwards: bool | None = None,
     beside: str = "the accelerometer beside it",
 ) -> Finding | None:
-    """The finding that the axes of the readings are not those of the accelerometer beside them. The
-    magnitude of the field is the same whatever its axes are called; its vertical part is constant
-    for the right ones only. Every exchange and reversal of axes is tried, on readings near gravity,
-    each weighed by w = 1/(σ² + (|a|/g − 1)²)."""
+    """The finding that the axes of the readings are not those of the accelerometer beside them."""
+    return find_first([RENAMED], field, acceleration, magnitude, upwards, beside)
+
+
+def _measure_renamed(
+    field: Array, acceleration: Array, magnitude: float, upwards: bool | None, beside: str
+) -> Told:
+    """The magnitude of the field is the same whatever its axes are called; its vertical part is
+    constant for the right ones only. Every exchange and reversal of axes is tried, on readings near
+    gravity, each weighed by w = 1/(σ² + (|a|/g − 1)²)."""
     thinned = slice(None, None, -(-len(field) // MOST_ROWS))
     field, acceleration = field[thinned], acceleration[thinned]
     felt = np.sqrt(np.einsum("ni,ni->n", acceleration, acceleration))
@@ -140,39 +146,54 @@ def check_axes(
     reverse = bool(np.count_nonzero(turn < 0) >= 2)
     if upwards is not None:
         reverse = bool((np.einsum("ni,ij,nj->", down, turn, field[calm]) < 0) != upwards)
-    turn = 0.0 - turn if reverse else turn
-    return Finding(
-        "axes",
-        "check",
-        f"the axes are not those of {beside}: {describe_renaming(turn)} (the "
-        f"vertical field is then constant to {figure(100 * best.left)} %, as named to "
-        f"{figure(100 * best.own)} %)",
-        f"name the axes of the magnetometer, or those of {beside}, rightly and calibrate again: "
-        "the calibration holds for the axes as named, a heading from both would be wrong",
-    )
+    named = describe_renaming(0.0 - turn if reverse else turn)
+    return {"beside": beside, "named": named, **best.percent}
 
 
-def _check_mirrored(readings: Array, down: Array, vertical: Array) -> Finding | None:
-    """The finding that roll or pitch is counted the wrong way round, or the two are exchanged. Each
-    is a mirror image of the attitude, which no mounting of a sensor is. Soft iron and a
-    misalignment are allowed for: a vehicle that tilts by a few degrees shows no more than they do.
-    The vertical field's sign tells a mirror image from a sensor upside down."""
+def _measure_mirrored(readings: Array, down: Array, vertical: Array | None) -> Told:
+    """Roll or pitch counted the wrong way round, or the two exchanged. Each is a mirror image of
+    the attitude, which no mounting of a sensor is. Soft iron and a misalignment are allowed for: a
+    vehicle that tilts by a few degrees shows no more than they do. The vertical field's sign tells
+    a mirror image from a sensor upside down."""
+    if vertical is None:
+        return None
     unit, turns = readings / max(median(find_length(readings)), 1e-300), right_angles()
     best = _find_best(vertical_misfit(unit, down, turns, vertical=vertical, talk=TALK))
     looks = next((said for said, mirror in MIRRORS if np.array_equal(-best.turn, mirror)), None)
-    if looks is None or not best.clear or best.own < MIRRORED:
+    if looks is None or not best.clear or best.own < MIRRORED_SHARE:
         return None
     if find_side(readings, down, -best.turn, vertical) <= 0:
         return None
-    return Finding(
-        "attitude",
-        "refuse",
-        f"{looks} in the attitude beside these readings, or an axis of the magnetometer is "
-        f"reversed: the vertical field is then constant to {figure(100 * best.left)} %, as "
-        f"recorded to {figure(100 * best.own)} %",
-        "correct roll and pitch (right wing down and nose up are positive), or name the axes of "
-        "the magnetometer rightly, and calibrate again",
-    )
+    return {"looks": looks, **best.percent}
+
+
+MISPLACED = Fact(
+    "mounting",
+    _measure_misplaced,
+    "refuse",
+    "the readings do not follow roll and pitch along the axes they are named for; they would with "
+    "the sensor mounted so that {mounted}",
+    'say so where it sits like that (agonic calibrate --mounting "{word}"), or correct the '
+    "orientation set for this sensor",
+)
+RENAMED = Fact(
+    "axes",
+    _measure_renamed,
+    "check",
+    "the axes are not those of {beside}: {named} (the vertical field is then constant to {left} %, "
+    "as named to {own} %)",
+    "name the axes of the magnetometer, or those of {beside}, rightly and calibrate again: the "
+    "calibration holds for the axes as named, a heading from both would be wrong",
+)
+MIRRORED = Fact(
+    "attitude",
+    _measure_mirrored,
+    "refuse",
+    "{looks} in the attitude beside these readings, or an axis of the magnetometer is reversed: "
+    "the vertical field is then constant to {left} %, as recorded to {own} %",
+    "correct roll and pitch (right wing down and nose up are positive), or name the axes of the "
+    "magnetometer rightly, and calibrate again",
+)
 
 
 def find_side(readings: Array, down: Array, turn: Array, vertical: Array | float) -> int:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.health.evidence import OUTLIERS_DOUBTFUL, SWITCH_PRICE, Evidence
-from agonic.health.finding import Finding, describe_stretches, figure
+from agonic.health.finding import (
+    Fact,
+    Finding,
+    Limit,
+    Told,
+    describe_stretches,
+    figure,
+    find_first,
+)
 from agonic.maths.equation.coverage import find_cells
 from agonic.maths.estimation.changes.hidden_states import find_path
 from agonic.maths.one_pass import median
@@ -103,43 +110,64 @@ _SHARES = (0.01, 0.3)  # of outliers in the rest, at least and at most
 
 
 def find_outliers(e: Evidence) -> Finding | None:
-    """Readings that the loss left out, with the times at which they come together."""
-    outlier = e.weights == 0.0
-    scattered = check_outliers(int(outlier.sum()), len(outlier))
-    if scattered is None or outlier.all():
-        return scattered
+    """Readings that the loss left out, with the times or the directions at which they gather."""
+    return find_first([IN_STRETCHES, GATHERED, SCATTERED], e)
+
+
+def _count(e: Evidence) -> dict[str, Any] | None:
+    """How many readings were left out, and of how many."""
+    count = int(np.count_nonzero(e.weights == 0.0))
+    if not count:
+        return None
+    share = count / len(e.weights)
+    move = "look for disturbances at those times" if share > OUTLIERS_DOUBTFUL else ""
+    return {"value": share, "count": count, "percent": 100 * share, "move": move}
+
+
+def _measure_stretches(e: Evidence) -> Told:
+    told, outlier = _count(e), e.weights == 0.0
+    if told is None or outlier.all():
+        return None
     stretches = find_stretches(outlier)
     long = np.array([s for s in stretches if _is_long(s, e.time, len(outlier))])
     if not len(long):
-        return _name_gathered(e, scattered)
+        return None
     apart = np.zeros(len(outlier), dtype=bool)
     for first, last in long:
         apart[first : last + 1] = True
     size = float(np.percentile(np.abs(e.residuals[apart & outlier]), 90))
-    what = (
-        f"{scattered.what}, most of them {describe_stretches(long, e.time)}, where the magnitude "
-        f"is off by up to {figure(size)} {e.unit}: something magnetic passed, or a current flowed, "
-        "and a heading at those times is wrong"
-    )
-    return replace(scattered, what=what)
+    return {**told, "times": describe_stretches(long, e.time), "size": size, "unit": e.unit}
 
 
-def _name_gathered(e: Evidence, scattered: Finding) -> Finding:
+def _measure_gathered(e: Evidence) -> Told:
     """Outliers that gather where an axis reads something, or the sensor looks one way, are none."""
-    gathered = find_gathered(e)
-    if gathered is None:
-        return scattered
-    size = median(np.abs(e.residuals[gathered.rows]))
-    count = int(gathered.rows.sum())
-    return Finding(
-        "outliers",
-        "check",
-        f"{scattered.what}; {count} of them gather {gathered.where}, where the magnitude is off "
-        f"by {figure(size)} {e.unit}: the sensor is wrong there, or something magnetic is near in "
-        "that attitude",
-        "a heading from such readings is wrong, whatever the calibration; turn the sensor away "
-        "from steel, and check whether it is wrong there again",
-    )
+    told = _count(e)
+    gathered = None if told is None else find_gathered(e)
+    if told is None or gathered is None:
+        return None
+    size, some = median(np.abs(e.residuals[gathered.rows])), int(gathered.rows.sum())
+    return {**told, "where": gathered.where, "some": some, "size": size, "unit": e.unit}
+
+
+LEFT_OUT = "{count} readings ({percent} %) do not fit and were left out"
+IN_STRETCHES = Fact(
+    "outliers",
+    _measure_stretches,
+    Limit(OUTLIERS_DOUBTFUL, note=0.0),
+    LEFT_OUT + ", most of them {times}, where the magnitude is off by up to {size} {unit}: "
+    "something magnetic passed, or a current flowed, and a heading at those times is wrong",
+    "{move}",
+)
+GATHERED = Fact(
+    "outliers",
+    _measure_gathered,
+    "check",
+    LEFT_OUT + "; {some} of them gather {where}, where the magnitude is off by {size} {unit}: the "
+    "sensor is wrong there, or something magnetic is near in that attitude",
+    "a heading from such readings is wrong, whatever the calibration; turn the sensor away from "
+    "steel, and check whether it is wrong there again",
+)
+SCATTERED = Fact("outliers", _count, Limit(OUTLIERS_DOUBTFUL, note=0.0), LEFT_OUT, "{move}")
 
 
 def find_stretches(outlier: Mask) -> Index:
@@ -166,17 +194,3 @@ def _is_long(stretch: Index, time: Array | None, n: int) -> bool:
     if last - first + 1 >= STRETCH_SHARE * n:
         return True
     return time is not None and bool(time[last] - time[first] >= STRETCH_S)
-
-
-def check_outliers(count: int, total: int) -> Finding | None:
-    """Readings that the loss left out, so many of all."""
-    if not count:
-        return None
-    share = count / total
-    doubtful = share > OUTLIERS_DOUBTFUL
-    return Finding(
-        "outliers",
-        "check" if doubtful else "note",
-        f"{count} readings ({figure(100 * share)} %) do not fit and were left out",
-        "look for disturbances at those times" if doubtful else "",
-    )

@@ -10,7 +10,7 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.coverage import OPEN_DEG
 from agonic.health.evidence import HOLDS, MOST_ROWS
-from agonic.health.finding import Finding, Told, figure
+from agonic.health.finding import Fact, Finding, Limit, Told, figure, find_first
 from agonic.maths.one_pass import find_length, median
 from agonic.samples import Samples
 from agonic.units import RAW, STANDARD_GRAVITY_M_S2
@@ -65,28 +65,39 @@ def check_resolution(field: Array, radius: float, unit: str) -> Finding | None:
     """Steps so coarse that few levels lie across the field, of this radius in the raw readings.
     Rounding to so few is no noise that more readings average out.
     """
+    return find_first([RESOLUTION], field, radius, unit)
+
+
+def _count_levels(field: Array, radius: float, unit: str) -> Told:
     steps = find_steps(field)
     levels = 2 * radius / max(float(steps.max()), 1e-300)
-    if levels >= LEVELS_DOUBTFUL:
-        return None
     axes = [letter for letter, step in zip("xyz", steps, strict=True) if step == steps.max()]
-    whose = f"axis {axes[0]} reads" if len(axes) == 1 else f"axes {' and '.join(axes)} read"
     by_rounding = 2 / max(levels, 1e-12) / np.sqrt(12) / np.cos(np.radians(60.0))
     open_deg = float(np.degrees(by_rounding))  # at 60° of dip
-    left = f"uncertain by {figure(open_deg)}°" if open_deg < OPEN_DEG else "undetermined"
-    return Finding(
-        "resolution",
-        "refuse" if levels < LEVELS_REFUSED else "check",
-        f"{whose} in steps of {figure(float(steps.max()))} {unit}, {int(levels) + 1} across the "
-        f"field: one reading leaves the heading {left}",
-        "choose a finer range of the sensor, or log all the digits that it has",
-    )
+    return {
+        "value": -levels,
+        "whose": f"axis {axes[0]} reads" if len(axes) == 1 else f"axes {' and '.join(axes)} read",
+        "step": float(steps.max()),
+        "unit": unit,
+        "levels": int(min(levels, LEVELS_DOUBTFUL)) + 1,
+        "left": f"uncertain by {figure(open_deg)}°" if open_deg < OPEN_DEG else "undetermined",
+    }
 
+
+RESOLUTION = Fact(
+    "resolution",
+    _count_levels,
+    Limit(-LEVELS_DOUBTFUL, -LEVELS_REFUSED),
+    "{whose} in steps of {step} {unit}, {levels} across the field: one reading leaves the heading "
+    "{left}",
+    "choose a finer range of the sensor, or log all the digits that it has",
+)
 
 GAIN = (0.5, 2.0)
 """A gain outside is no error of a sensor."""
-STRETCH = (1 / 3, 3.0)
-"""A gain outside, for readings of the right size, is no shield's either: the fit follows noise."""
+STRETCH = 3.0
+"""A gain larger or smaller by more, for readings of the right size, is no shield's either: the fit
+follows noise."""
 MAGNITUDES_NT = (1_000.0, 200_000.0)
 """Far outside what the Earth's field, or a coil that makes one like it, ever is."""
 
@@ -98,19 +109,27 @@ def check_scale(gain: float, unit: str, size: float | None = None) -> Finding | 
     """
     if unit != "nT" or GAIN[0] < gain < GAIN[1]:
         return None
-    what = f"readings had to be multiplied by {figure(gain)} to reach the stated field"
-    move, doubtful = "check the unit of the log and the reference magnitude", True
-    if size is not None and GAIN[0] < size < GAIN[1]:
-        what = (
-            f"the fit multiplies readings by {figure(gain)} that have the size of the stated field "
-            "as they are"
-        )
-        move = (
-            "they do not follow the attitude, or the sensor was hardly turned: check roll, pitch "
-            "and heading, and turn it through all headings"
-        )
-        doubtful = STRETCH[0] < gain < STRETCH[1]
-    return Finding("scale", "check" if doubtful else "refuse", what, move)
+    return find_first(STRETCHED, gain, size is not None and GAIN[0] < size < GAIN[1])
+
+
+STRETCHED = (
+    Fact(
+        "scale",
+        lambda gain, right: None if right else {"gain": gain},
+        "check",
+        "readings had to be multiplied by {gain} to reach the stated field",
+        "check the unit of the log and the reference magnitude",
+    ),
+    Fact(
+        "scale",
+        lambda gain, _: {"value": abs(np.log(gain)) if gain > 0 else np.inf, "gain": gain},
+        Limit(0.0, np.log(STRETCH)),
+        "the fit multiplies readings by {gain} that have the size of the stated field as they are",
+        "they do not follow the attitude, or the sensor was hardly turned: check roll, pitch and "
+        "heading, and turn it through all headings",
+    ),
+)
+"""Of a gain far from one, and whether the readings have the size of the field as they are."""
 
 
 BARE = "no column is named for a magnetometer"
@@ -141,18 +160,32 @@ def check_magnitude(
     low, high = MAGNITUDES_NT
     if magnitude is None or low < magnitude < high:
         return None
-    what, move = (
-        f"the field would be {magnitude:.3g} nT",
-        ("check the unit of the log; where the field was made by a coil, give it with --field"),
-    )
-    if gain is not None:
-        if unit != RAW or not GAIN[0] < gain < GAIN[1]:
-            return None
-        what = f"readings without a unit have the size of the stated {magnitude:.3g} nT"
-        move = "both are most likely in another unit: say which one (--unit uT, unit='uT')"
-    elif unit != "nT":
-        return None
-    return Finding("scale", "check", f"{what}, where the Earth has 20 000 to 70 000 nT", move)
+    return find_first(NO_FIELD, f"{magnitude:.3g}", unit, gain)
+
+
+def _is_without_unit(unit: str, gain: float | None) -> bool:
+    return unit == RAW and gain is not None and GAIN[0] < gain < GAIN[1]
+
+
+NO_FIELD = (
+    Fact(
+        "scale",
+        lambda size, unit, gain: {"size": size} if gain is None and unit == "nT" else None,
+        "check",
+        "the field would be {size} nT, where the Earth has 20 000 to 70 000 nT",
+        "check the unit of the log; where the field was made by a coil, give it with --field",
+    ),
+    Fact(
+        "scale",
+        lambda size, unit, gain: {"size": size} if _is_without_unit(unit, gain) else None,
+        "check",
+        "readings without a unit have the size of the stated {size} nT, where the Earth has 20 000 "
+        "to 70 000 nT",
+        "both are most likely in another unit: say which one (--unit uT, unit='uT')",
+    ),
+)
+"""Of a magnitude that no compass was ever in, the unit of the readings, and a stated field's gain.
+"""
 
 
 STUCK_SHARE = 0.1
@@ -164,36 +197,78 @@ COMPUTED_NT = 1e-3
 def check_scalar(samples: Samples) -> Finding | None:
     """Why the scalar column is no reading of the field's magnitude, None where it may be one."""
     scalar, size = samples.scalar, find_length(samples.field)
-    assert scalar is not None
+    return find_first(NO_SCALAR, samples, scalar, size)
+
+
+def _measure_constant(samples: Samples, scalar: Array, _: Array) -> Told:
+    if np.any(scalar != scalar[0]):
+        return None
+    return {"first": figure(scalar[0], 6), "count": len(scalar)}
+
+
+def _measure_lost_lock(samples: Samples, scalar: Array, _: Array) -> Told:
     runs = np.diff(np.flatnonzero(np.r_[True, np.diff(scalar) != 0, True]))
+    lost = runs.max() > STUCK_SHARE * len(scalar) and median(runs) == 1
+    return {"count": int(runs.max())} if lost else None
+
+
+def _measure_computed(samples: Samples, scalar: Array, size: Array) -> Told:
     rounding = float(find_steps(scalar[:, None])[0] + np.linalg.norm(find_steps(samples.field))) / 2
-    first, what, move = figure(scalar[0], 6), "", ""
-    if not (scalar > 0).any():
-        what, move = "the scalar instrument reads nothing above zero", "it is off, or not locked"
-    elif len(runs) == 1:
-        what = f"the scalar instrument reads {first} nT in all {len(scalar)} rows"
-        move = f"it is dead, or the number was typed in: --field {first} gives one"
-    elif runs.max() > STUCK_SHARE * len(scalar) and median(runs) == 1:
-        what = f"the scalar instrument repeats one value in {runs.max()} rows on end"
-        move = "it lost its lock there: leave those rows out (--between), or repair it"
-    elif samples.unit == "nT" and np.abs(size - scalar).max() < COMPUTED_NT + rounding:
-        what = "the scalar column is the magnitude of the vector itself"
-        move = "name the column of an instrument of its own"
-    elif (off := _find_other_size(samples, median(scalar), size)) is not None:
-        what, move = off, "check the unit in its header (F_nT, F_uT), and that it is the magnitude"
-    return Finding("scale", "refuse", what, move) if what else None
+    near = np.abs(size - scalar).max() < COMPUTED_NT + rounding
+    return {} if samples.unit == "nT" and near else None
 
 
-def _find_other_size(samples: Samples, usual: float, size: Array) -> str | None:
+def _measure_other_size(samples: Samples, scalar: Array, size: Array) -> Told:
     """What the scalar usually reads, where that is no field, or not that of the vector."""
-    read = f"the scalar instrument reads {figure(usual, 3)} nT"
+    usual = median(scalar)
+    told = {"usual": figure(usual, 3)}
     if samples.unit != "nT":
         within = MAGNITUDES_NT[0] < usual < MAGNITUDES_NT[1]
-        return None if within else f"{read}, as no place on Earth has it"
+        return None if within else {**told, "beside": ", as no place on Earth has it"}
     turned = median(find_length(samples.field - samples.field.mean(axis=0)))
     middle = median(size)
     if any(GAIN[0] < one / usual < GAIN[1] for one in (middle, turned)):
         return None
     off = usual / middle
     times = f"{figure(off)} times too large" if off > 1 else f"{figure(1 / off)} times too small"
-    return f"{read} where the vector reads {figure(middle, 3)} nT, {times}"
+    return {**told, "beside": f" where the vector reads {figure(middle, 3)} nT, {times}"}
+
+
+NO_SCALAR = (
+    Fact(
+        "scale",
+        lambda _, scalar, __: None if (scalar > 0).any() else {},
+        "refuse",
+        "the scalar instrument reads nothing above zero",
+        "it is off, or not locked",
+    ),
+    Fact(
+        "scale",
+        _measure_constant,
+        "refuse",
+        "the scalar instrument reads {first} nT in all {count} rows",
+        "it is dead, or the number was typed in: --field {first} gives one",
+    ),
+    Fact(
+        "scale",
+        _measure_lost_lock,
+        "refuse",
+        "the scalar instrument repeats one value in {count} rows on end",
+        "it lost its lock there: leave those rows out (--between), or repair it",
+    ),
+    Fact(
+        "scale",
+        _measure_computed,
+        "refuse",
+        "the scalar column is the magnitude of the vector itself",
+        "name the column of an instrument of its own",
+    ),
+    Fact(
+        "scale",
+        _measure_other_size,
+        "refuse",
+        "the scalar instrument reads {usual} nT{beside}",
+        "check the unit in its header (F_nT, F_uT), and that it is the magnitude",
+    ),
+)
+"""Of samples, their scalar column (n,), and the size (n,) of their vectors: why it is none."""

@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health import Finding, figure
+from agonic.health.finding import Fact, Finding, Told, figure, find_first
 from agonic.maths.one_pass import median
 from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.namings import compare_namings
@@ -69,6 +69,15 @@ class Renaming(NamedTuple):
 
 def check_turning(samples: Samples) -> Finding | None:
     """The finding that the gyro turns otherwise than the magnetometer, with what it looks like."""
+    return find_first([TURNING], samples)
+
+
+def check_gravity_turning(samples: Samples) -> Finding | None:
+    """The finding that gravity turns in the accelerometer otherwise than by the gyro."""
+    return find_first([GRAVITY_TURNING], samples)
+
+
+def _measure_turning(samples: Samples, _: str = "") -> Told:
     if not _can_tell(samples):
         return None
     samples = find_telling(samples)
@@ -82,19 +91,12 @@ def check_turning(samples: Samples) -> Finding | None:
         looks.append("of the opposite sign")
     elif not np.array_equal(found.turn, np.eye(3)):
         looks.append(f"of other axes ({describe_renaming(found.turn)})")
-    return Finding(
-        "inertial unit",
-        "refuse",
-        "the gyro does not turn as the magnetometer does; it would if the gyro were "
-        + " and ".join(looks),
-        _tell_which(samples, found),
-    )
+    return {"looks": " and ".join(looks), "move": _tell_which(samples, found)}
 
 
-def check_gravity_turning(samples: Samples) -> Finding | None:
-    """The finding that gravity turns in the accelerometer otherwise than by the gyro. The opposite
-    sign of gravity turns alike: of P and −P, which cannot be told apart, the one that reverses
-    fewer axes is told first."""
+def _measure_gravity_turning(samples: Samples, _: str = "") -> Told:
+    """The opposite sign of gravity turns alike: of P and −P, which cannot be told apart, the one
+    that reverses fewer axes is told first."""
     if samples.acceleration is None or not _can_tell(samples):
         return None
     samples = find_telling(samples)
@@ -105,16 +107,33 @@ def check_gravity_turning(samples: Samples) -> Finding | None:
     if turn is None:
         return None
     late_s = _find_late(samples, turn)
-    back = turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
-    one, other = sorted((back, -back), key=lambda turn: int(np.count_nonzero(turn < 0)))
-    looks = f"of other axes ({describe_renaming(one)}, or with gravity's sign the other way "
-    looks += f"{describe_renaming(other)})"
-    move = "name the axes of accelerometer and gyro alike, and look which of the two is wrong"
     if late_s:
         looks = f"about {figure(abs(late_s))} s {'late' if late_s > 0 else 'early'}"
-        move = "bring the clocks of accelerometer and gyro together"
-    what = "gravity does not turn in the accelerometer as the gyro does; it would if the "
-    return Finding("inertial unit", "refuse", f"{what}accelerometer were {looks}", move)
+        return {"looks": looks, "move": "bring the clocks of accelerometer and gyro together"}
+    back = turn.T  # from the axes of the accelerometer to those of the gyro, or −1 times it
+    one, other = sorted((back, -back), key=lambda turn: int(np.count_nonzero(turn < 0)))
+    return {
+        "looks": f"of other axes ({describe_renaming(one)}, or with gravity's sign the other way "
+        f"{describe_renaming(other)})",
+        "move": "name the axes of accelerometer and gyro alike, and look which of the two is wrong",
+    }
+
+
+TURNING = Fact(
+    "inertial unit",
+    _measure_turning,
+    "refuse",
+    "the gyro does not turn as the magnetometer does; it would if the gyro were {looks}",
+    "{move}",
+)
+GRAVITY_TURNING = Fact(
+    "inertial unit",
+    _measure_gravity_turning,
+    "refuse",
+    "gravity does not turn in the accelerometer as the gyro does; it would if the accelerometer "
+    "were {looks}",
+    "{move}",
+)
 
 
 def find_telling(samples: Samples) -> Samples:
