@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -120,11 +121,18 @@ def verify(
     visits = max(int(np.count_nonzero(np.diff(cells[rows]))) + 1, 4)
     spread_before, spread_after = _spread(before[rows], weights), _spread(ratio[rows], weights)
     residual_rms = spread_after * float(np.mean(wanted))
-    checks = [_spread_check(spread_after), _improvement_check(spread_before, spread_after, visits)]
+    well = "the calibration makes the magnitude steadier"
+    if spread_after > spread_before > 0:
+        well = "the magnitude was as steady before, within chance"
+    checks = [
+        _SPREAD.ask(100 * spread_after),
+        _IMPROVEMENT.compare(spread_before, spread_after, visits, well=well),
+    ]
     if noise:
-        checks.append(_noise_check(residual_rms / noise))
+        checks.append(_NOISE.ask(residual_rms / noise))
     if reference is not None:
-        checks.append(_magnitude_check(median(ratio[rows]) - 1, reference.source))
+        off = 100 * (median(ratio[rows]) - 1)
+        checks.append(_MAGNITUDE.ask(off, source=reference.source))
         if calibration.frame_out == "b":
             checks += _attitude_checks(field, rows, samples, reference)
     if samples.logged is not None:
@@ -132,8 +140,11 @@ def verify(
         old = (samples.field - logged.bias) @ logged.matrix.T
         kept = np.linalg.norm(old, axis=1) / (1.0 if reference is None else wanted)
         spread_logged = _spread(kept[rows], weights)
-        checks.append(_replacement_check(spread_logged, spread_after, visits, logged.source))
-        checks.append(_change_check(field[rows], old[rows], logged.source))
+        turn = float(np.sqrt(np.mean(angle_deg(field[rows], old[rows]) ** 2)))
+        checks += [
+            _REPLACEMENT.compare(spread_logged, spread_after, visits, source=logged.source),
+            _CHANGE.ask(turn, source=logged.source),
+        ]
     return Verification(
         checks=tuple(checks),
         spread_before=spread_before,
@@ -156,89 +167,100 @@ def _spread(magnitude: Array, weights: Array) -> float:
     return float(np.sqrt(square)) / mean if mean > 0.0 else float("inf")
 
 
-def _judge(
-    name: str, value: float, limit: float, unit: str, good: bool, well: str, badly: str
-) -> Check:
-    """A check with what it means when it is passed, and when it failed."""
-    meaning = well if good else badly
-    return Check(name=name, value=value, limit=limit, unit=unit, passed=good, meaning=meaning)
+class _Question(NamedTuple):
+    """A row of the table of checks: its name, its limit, and what the answer means."""
+
+    name: str
+    limit: float | None
+    unit: str
+    well: str
+    badly: str
+
+    def ask(self, value: float, **words: str) -> Check:
+        """The check of a value, either way from zero; with no limit it informs."""
+        good = None if self.limit is None else abs(value) <= self.limit
+        meaning = self.badly if good is False else self.well
+        return Check(
+            name=self.name,
+            value=value,
+            limit=self.limit,
+            unit=self.unit,
+            passed=good,
+            meaning=meaning.format(**words),
+        )
+
+    def compare(self, before: float, after: float, visits: int, **words: str) -> Check:
+        """The check of a spread over one before. Those over so many visits of directions differ by
+        chance by √(1/visits); half a percent of the field is good whatever was before."""
+        ratio = after / before if before > 0 else 1.0
+        limit = 1 + 3 / np.sqrt(visits)
+        check = self._replace(limit=float(limit)).ask(ratio, **words)
+        if check.passed or after > 0.005:
+            return check
+        return replace(check, passed=True, meaning=self.well.format(**words))
 
 
-def _inform(name: str, value: float, meaning: str) -> Check:
-    """An angle that informs but does not judge."""
-    return Check(name=name, value=value, limit=None, unit="°", passed=None, meaning=meaning)
-
-
-def _spread_check(spread: float) -> Check:
-    return _judge(
-        "spread of the magnitude",
-        100 * spread,
-        100 * SPREAD_LIMIT,
-        "%",
-        spread <= SPREAD_LIMIT,
-        "the calibrated field keeps its magnitude in every direction",
-        "the magnitude still varies: record away from steel and currents, or the calibration "
-        "does not belong to this sensor",
-    )
-
-
-def _improvement_check(before: float, after: float, visits: int) -> Check:
-    """Two spreads over so many visits of directions differ by chance by √(1/visits)."""
-    ratio = after / before if before > 0 else 1.0
-    limit = 1 + 3 / np.sqrt(visits)
-    return _judge(
-        "spread after over before",
-        ratio,
-        limit,
-        "",
-        ratio <= limit or after <= 0.005,
-        "the calibration makes the magnitude steadier"
-        if ratio <= 1
-        else "the magnitude was as steady before, within chance",
-        "the calibration makes these readings worse: do not use it for them",
-    )
-
-
-def _replacement_check(logged: float, after: float, visits: int, source: str) -> Check:
-    """Whether the calibration is as good as the one that it would replace."""
-    ratio = after / logged if logged > 0 else 1.0
-    limit = 1 + 3 / np.sqrt(visits)
-    return _judge(
-        "spread after over the logged calibration's",
-        ratio,
-        limit,
-        "",
-        ratio <= limit or after <= 0.005,
-        f"the magnitude is as steady as with the earlier calibration ({source}), or steadier",
-        f"the earlier calibration ({source}) keeps the magnitude steadier: keep that one, or "
-        "record again with more turns",
-    )
-
-
-def _noise_check(ratio: float) -> Check:
-    return _judge(
-        "held-out residual over noise",
-        ratio,
-        NOISE_LIMIT,
-        "",
-        ratio <= NOISE_LIMIT,
-        "unseen readings fit as well as those of the fit",
-        "unseen readings fit worse than those of the fit: parts of the log disagree; record "
-        "again in one undisturbed place",
-    )
-
-
-def _magnitude_check(error: float, source: str) -> Check:
-    return _judge(
-        "magnitude against the reference",
-        100 * error,
-        100 * MAGNITUDE_LIMIT,
-        "%",
-        abs(error) <= MAGNITUDE_LIMIT,
-        f"the magnitude agrees with the reference ({source})",
-        f"the magnitude differs from the reference ({source}): iron nearby, a wrong place or "
-        "a wrong unit",
-    )
+_SPREAD = _Question(
+    "spread of the magnitude",
+    100 * SPREAD_LIMIT,
+    "%",
+    "the calibrated field keeps its magnitude in every direction",
+    "the magnitude still varies: record away from steel and currents, or the calibration does not "
+    "belong to this sensor",
+)
+_IMPROVEMENT = _Question(
+    "spread after over before",
+    None,
+    "",
+    "{well}",
+    "the calibration makes these readings worse: do not use it for them",
+)
+_REPLACEMENT = _Question(
+    "spread after over the logged calibration's",
+    None,
+    "",
+    "the magnitude is as steady as with the earlier calibration ({source}), or steadier",
+    "the earlier calibration ({source}) keeps the magnitude steadier: keep that one, or record "
+    "again with more turns",
+)
+_NOISE = _Question(
+    "held-out residual over noise",
+    NOISE_LIMIT,
+    "",
+    "unseen readings fit as well as those of the fit",
+    "unseen readings fit worse than those of the fit: parts of the log disagree; record again in "
+    "one undisturbed place",
+)
+_MAGNITUDE = _Question(
+    "magnitude against the reference",
+    100 * MAGNITUDE_LIMIT,
+    "%",
+    "the magnitude agrees with the reference ({source})",
+    "the magnitude differs from the reference ({source}): iron nearby, a wrong place or a wrong "
+    "unit",
+)
+_DIP = _Question(
+    DIP,
+    DIP_LIMIT_DEG,
+    "°",
+    "the field dips as it should, by the roll and pitch of the log",
+    "the field does not dip as it should: roll and pitch are wrong or delayed, or the field is "
+    "disturbed",
+)
+_HEADING = _Question(
+    "heading against the log",
+    None,
+    "°",
+    "rms difference between the true heading and {whose}; its mean is {mean}°",
+    "",
+)
+_CHANGE = _Question(
+    "turn against the logged calibration",
+    None,
+    "°",
+    "rms angle between the field as corrected now and by {source}",
+    "",
+)
 
 
 def _attitude_checks(
@@ -254,41 +276,14 @@ def _attitude_checks(
     below = np.einsum("ni,ni->n", field, down)
     level = np.sqrt(np.maximum(np.einsum("ni,ni->n", field, field) - below**2, 0.0))
     dip = np.degrees(np.arctan2(below, level) - np.arctan2(vertical, horizontal))
-    checks = [_dip_check(robust_scale(dip[rows]))]
+    checks = [_DIP.ask(robust_scale(dip[rows]))]
     if samples.heading_deg is not None and reference.kind == "vector":
         east, north = reference.values[:, 1], reference.values[:, 0]
         true = heading_by_vectors_deg(field, down) + np.degrees(np.arctan2(east, north))
         difference = wrap_deg(true - samples.heading_deg)[rows & samples.heading_known]
         if len(difference):
-            checks.append(_heading_check(difference, samples.heading_estimated))
+            own = "the autopilot's own, which follows its compasses"
+            whose, mean = own if samples.heading_estimated else "the log's", difference.mean()
+            rms = float(np.sqrt(np.mean(difference**2)))
+            checks.append(_HEADING.ask(rms, whose=whose, mean=f"{mean:.1f}"))
     return checks
-
-
-def _dip_check(error: float) -> Check:
-    return _judge(
-        DIP,
-        error,
-        DIP_LIMIT_DEG,
-        "°",
-        error <= DIP_LIMIT_DEG,
-        "the field dips as it should, by the roll and pitch of the log",
-        "the field does not dip as it should: roll and pitch are wrong or delayed, or the "
-        "field is disturbed",
-    )
-
-
-def _heading_check(difference: Array, estimated: bool) -> Check:
-    rms = float(np.sqrt(np.mean(difference**2)))
-    whose = "the autopilot's own, which follows its compasses" if estimated else "the log's"
-    return _inform(
-        "heading against the log",
-        rms,
-        f"rms difference between the true heading and {whose}; its mean is "
-        f"{float(difference.mean()):.1f}°",
-    )
-
-
-def _change_check(new: Array, old: Array, source: str) -> Check:
-    turn = float(np.sqrt(np.mean(angle_deg(new, old) ** 2)))
-    meaning = f"rms angle between the field as corrected now and by {source}"
-    return _inform("turn against the logged calibration", turn, meaning)

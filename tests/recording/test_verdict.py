@@ -45,11 +45,11 @@ def test_unseen_readings_that_dip_far_off_refuse_a_fit(good):
 
 
 def test_halves_that_point_elsewhere_refuse_a_fit(good):
-    halves = replace(good.verification.checks[0], name=HALVES, value=0.3, limit=2.0)
+    halves = replace(good.verification.checks[0], name=HALVES, value=0.3, limit=2.0, unit="°")
     assert not [*find_refusals((halves,))]
     assert not [*find_refusals((replace(halves, value=6.0, passed=False),))]  # failed, no more
     stated = replace(halves, value=20.0, limit=25.0)
     assert not [*find_refusals((stated,))]  # by no more than they state
     (refusal,) = find_refusals((replace(halves, value=20.0, passed=False),))
-    assert (refusal.name, refusal.severity) == ("unseen parts", "refuse")
-    assert "20° apart" in refusal.what
+    assert (refusal.name, refusal.severity) == (HALVES, "refuse")
+    assert "agree, 20°" in refusal.what

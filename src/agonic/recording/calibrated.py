@@ -80,9 +80,9 @@ class Calibrated(Readable):
 
     @cached_property
     def failed(self) -> tuple[Finding, ...]:
-        """The checks that failed on held-out parts, as findings."""
-        checks = self.verification.checks
-        return tuple(describe_failed(check) for check in checks if check.passed is False)
+        """The checks that failed on held-out parts, as findings, but those that refused the fit."""
+        failed = (describe_failed(one) for one in self.verification.checks if one.passed is False)
+        return tuple(finding for finding in failed if finding not in self.fit.findings)
 
     @property
     def objections(self) -> tuple[Finding, ...]:

@@ -14,7 +14,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, Affine
 from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
-from agonic.health import Finding, figure
+from agonic.health.finding import Fact, Finding, Limit, find_facts
 from agonic.maths.equation.coverage import field_covariance
 from agonic.maths.equation.crowding import count_orientations, weigh_places
 from agonic.maths.one_pass import find_length, median
@@ -171,33 +171,30 @@ def compare_folds(folds: Folds | None) -> Check:
 def find_refusals(checks: Sequence[Check]) -> Iterator[Finding]:
     """Findings that refuse a fit by held-out readings: their dip is wrong, or parts of the log
     contradict each other."""
-    off = max((check.value for check in checks if check.name == DIP), default=0.0)
-    if off > DIP_REFUSED_DEG:
-        yield Finding(
-            "attitude",
-            "refuse",
-            f"the dip of held-out readings is off by {figure(off)}°: roll and pitch are not those "
-            "of this sensor's vehicle, or the field was disturbed",
-            "check where roll and pitch come from and their delay, or calibrate by the magnitude "
-            "alone (--method ellipsoid)",
-        )
-    apart = max((c.value for c in checks if c.name == HALVES and not c.passed), default=0.0)
-    if apart > HALVES_REFUSED_DEG:
-        yield Finding(
-            "unseen parts",
-            "refuse",
-            f"calibrations from alternate parts of the log point {figure(apart)}° apart, far more "
-            "than their standard errors: the disturbances are too strong for so few orientations",
-            "record again in one undisturbed place, turning slowly about all three axes",
-        )
+    by_name = {check.name: check for check in checks}
+    yield from find_facts([DIP_OFF], by_name)
+    failed = (describe_failed(check) for check in checks if check.passed is False)
+    yield from (finding for finding in failed if finding.severity == "refuse")
+
+
+DIP_OFF = Fact(
+    "attitude",
+    lambda checks: checks[DIP].value if DIP in checks else None,
+    Limit(refuse=DIP_REFUSED_DEG),
+    "the dip of held-out readings is off by {value}°: roll and pitch are not those of this "
+    "sensor's vehicle, or the field was disturbed",
+    "check where roll and pitch come from and their delay, or calibrate by the magnitude alone "
+    "(--method ellipsoid)",
+)
 
 
 def describe_failed(check: Check) -> Finding:
-    """A check that failed, with its numbers."""
+    """A check that failed, with its numbers; it refuses where halves know no direction."""
     unit = f" {check.unit}" if check.unit not in ("", "°") else check.unit
     limit = "" if check.limit is None else f" (limit {check.limit:.3g}{unit})"
     what = f"held-out parts fail a check: {check.name}, {check.value:.3g}{unit}{limit}"
-    return Finding(check.name, "check", what, check.meaning)
+    grave = check.name == HALVES and check.value > HALVES_REFUSED_DEG
+    return Finding(check.name, "refuse" if grave else "check", what, check.meaning)
 
 
 Stretch = tuple[float, float]
