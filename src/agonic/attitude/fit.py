@@ -30,7 +30,7 @@ from agonic.attitude.problem import (
 from agonic.calibration.affine import Affine
 from agonic.errors import CoverageError
 from agonic.fit import Fit, ModelTest
-from agonic.health import FEWEST, figure, find_usable_rows
+from agonic.health import MIN_READINGS, figure, find_usable_rows
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
@@ -113,7 +113,7 @@ def _pose(
     usable = find_usable(samples)
     if "azimuth" in channels:
         usable = usable & samples.heading_known
-        if usable.sum() < FEWEST:
+        if usable.sum() < MIN_READINGS:
             raise CoverageError(
                 f"the heading is known in {int(usable.sum())} usable readings only",
                 turns="record until the source of the heading has settled, or fit by roll and "
@@ -129,7 +129,7 @@ def _pose(
 def find_usable(samples: Samples) -> Mask:
     """The rows that a fit can use; raises `CoverageError` where they are too few."""
     usable = find_usable_rows(samples.field)
-    if usable.sum() < FEWEST:
+    if usable.sum() < MIN_READINGS:
         reasons = [f"{n} rows: {why}" for why, n in samples.rejected.items()]
         if not usable.all():
             reasons.append(f"{int((~usable).sum())} readings clipped or stuck")

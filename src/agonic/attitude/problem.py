@@ -19,7 +19,7 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.sources import list_columns, list_disturbers, signals, stack_inputs
 from agonic.calibration.timing import find_timing, restore
 from agonic.errors import AgonicError, CoverageError, LogError, check_choice
-from agonic.health import FEWEST, find_rounding
+from agonic.health import MIN_READINGS, find_rounding
 from agonic.maths.equation.affine import FREE, split
 from agonic.maths.equation.channels import Dip, Problem, compute_residuals, pieces
 from agonic.maths.equation.crowding import weigh_places
@@ -108,7 +108,7 @@ def select_usable(problem: Problem, usable: Mask) -> Problem:
 
 def is_robust(part: Problem, settings: Settings) -> bool:
     """Whether outliers are down-weighted, which few rows do not allow."""
-    return settings.robust and len(part.points) >= 2 * FEWEST
+    return settings.robust and len(part.points) >= 2 * MIN_READINGS
 
 
 OTHER_DEG = 1.0

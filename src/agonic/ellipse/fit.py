@@ -14,7 +14,7 @@ from agonic.ellipse.result import TURN, EllipseFit, examine_circle
 from agonic.ellipsoid.problem import make_calibration_of, pose, rows_of
 from agonic.ellipsoid.solve import Found, average_over_terms, list_numbers
 from agonic.errors import AgonicError, CoverageError
-from agonic.health import FEWEST, figure
+from agonic.health import MIN_READINGS, figure
 from agonic.maths.equation.channels import compute_distances
 from agonic.maths.equation.coverage import count_visits
 from agonic.maths.equation.maximum_likelihood import refine
@@ -87,7 +87,7 @@ def fit_ellipse(
 
 
 def _refuse_few(readings: Array) -> None:
-    if len(readings) < FEWEST:
+    if len(readings) < MIN_READINGS:
         raise CoverageError(
             f"{len(readings)} readings cannot determine the five unknowns of an ellipse",
             turns="record a few hundred readings while the vehicle turns through all headings",

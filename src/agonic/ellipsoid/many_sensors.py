@@ -20,7 +20,7 @@ from agonic.ellipsoid.solve import (
 )
 from agonic.errors import AgonicError, CoverageError, check_choice
 from agonic.fit import UNKNOWNS
-from agonic.health import FEWEST
+from agonic.health import MIN_READINGS
 from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation import moments as kernel
 from agonic.maths.equation import quadric
@@ -201,8 +201,8 @@ def _choose_models(sums: Array, count: NDArray[np.int_], model: Model, part: Fit
     if model != "auto":
         _attempt(sums, np.flatnonzero(part.fitted), model, part)
         return
-    _attempt(sums, np.flatnonzero(part.fitted & (count < FEWEST)), "sphere", part)
-    rows = np.flatnonzero(part.fitted & (count >= FEWEST))
+    _attempt(sums, np.flatnonzero(part.fitted & (count < MIN_READINGS)), "sphere", part)
+    rows = np.flatnonzero(part.fitted & (count >= MIN_READINGS))
     _attempt(sums, rows, "full", part)
     rows = rows[part.fitted[rows]]
     matrix, covariance = part.matrix[rows], part.covariance[rows]

@@ -16,7 +16,7 @@ from agonic.ellipsoid.settings import Fixed, Gauge, Settings
 from agonic.ellipsoid.solve import Found
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import Accuracy, ModelTest
-from agonic.health import FEWEST, figure, find_rounding, find_usable_rows
+from agonic.health import MIN_READINGS, figure, find_rounding, find_usable_rows
 from agonic.maths.equation import gauge as gauges
 from agonic.maths.equation.channels import Problem
 from agonic.model.term import Term
@@ -118,7 +118,7 @@ class Posed(NamedTuple):
     def robust(self, settings: Settings) -> bool:
         """Whether outliers are down-weighted: there are enough readings to tell one from the
         rest."""
-        return settings.robust and len(self.points) >= 2 * FEWEST
+        return settings.robust and len(self.points) >= 2 * MIN_READINGS
 
 
 def pose(samples: Samples, reference: Reference | None, method: str) -> Posed:

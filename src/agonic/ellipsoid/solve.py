@@ -11,7 +11,7 @@ from agonic.arrays import Array
 from agonic.ellipsoid.settings import Fixed, Method, Model
 from agonic.errors import AgonicError, CoverageError
 from agonic.fit import UNKNOWNS, ModelTest
-from agonic.health import FEWEST
+from agonic.health import MIN_READINGS
 from agonic.maths.equation import gauge, moments, quadric
 from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
@@ -165,7 +165,7 @@ def choose_model(
         raise too_few(n, model)
     if model != "auto":
         return attempt(model), ()
-    if n < FEWEST:
+    if n < MIN_READINGS:
         return attempt("sphere"), ()
     full = attempt("full")
     gain = float(np.trace(full.matrix)) / 3

@@ -21,7 +21,7 @@ from agonic.fleet.engine import Engine, Here, Lost, Processes
 from agonic.fleet.one_log import Task, calibrate_by_rows, describe_log, explain
 from agonic.fleet.rows import make_columns, make_refused_row
 from agonic.fleet.settings import FleetSettings, digest
-from agonic.health import FEWEST
+from agonic.health import MIN_READINGS
 from agonic.health.mounting import VERTICAL_DOUBTFUL
 from agonic.health.scale import GAIN
 from agonic.logs.large.dataset import (
@@ -56,7 +56,7 @@ def find_doubts(
         limit = np.sqrt(2 * np.log(2 * np.maximum(count, 1))) + 1
         return {
             "no fit": ~fits.fitted,
-            "few readings": count < 2 * FEWEST,
+            "few readings": count < 2 * MIN_READINGS,
             "rows left out": grouped.left_out > 0.01 * (count + grouped.left_out),
             "scale": (unit == "nT") & ~((gain > GAIN[0]) & (gain < GAIN[1])),
             "coverage": ~(fits.heading_sd_deg < 0.5),  # two halves of a log agree within 2°

@@ -1,7 +1,7 @@
 """Findings: what is wrong or worth knowing about readings and fits, each by name."""
 
 from agonic.health.decoding import undo_decoding as undo_decoding
-from agonic.health.evidence import FEWEST as FEWEST
+from agonic.health.evidence import MIN_READINGS as MIN_READINGS
 from agonic.health.evidence import RECORD_LONGER as RECORD_LONGER
 from agonic.health.evidence import Evidence as Evidence
 from agonic.health.examine import examine as examine

@@ -21,7 +21,7 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import CoverageError, check_choice
-from agonic.health.evidence import FEWEST, MOST_ROWS
+from agonic.health.evidence import MIN_READINGS, MOST_ROWS
 from agonic.health.finding import Finding, figure, sort_findings
 from agonic.health.miscoding import KINDS, WORDS, Kind
 from agonic.health.scale import find_steps
@@ -35,17 +35,17 @@ MOST_TRIED_ROWS = 2000
 """Rows that are enough to tell of all."""
 SHAPE_SD = 0.1
 """Of soft iron, as a prior where few orientations leave the shape open."""
-LEAST = 1e-3
+MIN_CHANGE = 1e-3
 """Of their range: what changes readings by less changes no heading."""
-GAIN = 40.0
+MIN_LIKELIHOOD_GAIN = 40.0
 """Of log-likelihood: twice what the best of some forty inverses gains by chance."""
-AGAINST = 5.0
+MAX_CONTRARY = 5.0
 """The same, by which path or ellipsoid may speak against a fault by chance."""
-WIDE = 0.1
+MAX_SCATTER = 0.1
 """Of the field: where readings scatter by more about one ellipsoid, nothing was put right."""
-DOUBTFUL = 0.01
+LOST_DOUBTFUL = 0.01
 """Of the readings: a logger that loses more asks for a look."""
-PRICE = 2.0
+LOST_READING_PRICE = 2.0
 """Of log-likelihood, of a reading that is given up: it has to be worth it."""
 
 
@@ -101,7 +101,7 @@ def read_as(samples: Samples, word: str) -> Samples:
 def _find_and_undo(samples: Samples) -> Measured | None:
     """The samples without the faults that were found one after the other; None where none was."""
     runs = np.diff(np.flatnonzero(find_changed(samples.field)), append=len(samples))
-    if len(samples) > 1 and runs.max() >= (1 - 2 * DOUBTFUL) * len(samples):
+    if len(samples) > 1 and runs.max() >= (1 - 2 * LOST_DOUBTFUL) * len(samples):
         few = (
             "" if len(runs) < 2 else f", but in {len(samples) - runs.max()} of {len(samples)} rows"
         )
@@ -125,7 +125,7 @@ def _find_and_undo(samples: Samples) -> Measured | None:
     ellipsoid = fit_ellipsoid(some)
     off = np.minimum(ellipsoid.measure(some) / ellipsoid.radius, 1.0)
     spread = float(np.sqrt(np.mean(off**2)))
-    if spread > WIDE:
+    if spread > MAX_SCATTER:
         still = f"undone, they still scatter by {figure(100 * spread)} % of the field"
         raise CoverageError(
             f"{findings[-1].what}; {still}", turns="correct the logger and record again"
@@ -143,7 +143,9 @@ def _find_best(field: Array) -> Undone | None:
     some = np.arange(len(field)) // MOST_TRIED_ROWS % (1 + len(field) // MOST_ROWS) == 0
     best: Undone | None = None
     for undone in _try_each(field[some]):
-        if undone.gain > GAIN and (best is None or undone.gain > best.gain + AGAINST):
+        if undone.gain > MIN_LIKELIHOOD_GAIN and (
+            best is None or undone.gain > best.gain + MAX_CONTRARY
+        ):
             best = undone
     if best is None or some.all():
         return best
@@ -163,7 +165,7 @@ def _try_each(field: Array) -> Iterator[Undone]:
         for unit in units:
             whole = _undo_axes(kind, field, every[0], unit)
             edge = np.isnan(whole) & kind.shifts
-            changed = ~(edge | (np.abs(whole - field) < LEAST * reach)).all(axis=0)
+            changed = ~(edge | (np.abs(whole - field) < MIN_CHANGE * reach)).all(axis=0)
             if not changed.any():
                 continue
             after = _measure_bends(whole)
@@ -171,7 +173,11 @@ def _try_each(field: Array) -> Iterator[Undone]:
             sets = {(axes & changed).tobytes(): axes & changed for axes in [*every, gains > 0]}
             for axes in sets.values():
                 path = float(gains[axes].sum())
-                if not axes.any() or path < -AGAINST or (kind.shifts and path < GAIN):
+                if (
+                    not axes.any()
+                    or path < -MAX_CONTRARY
+                    or (kind.shifts and path < MIN_LIKELIHOOD_GAIN)
+                ):
                     continue
                 put = np.where(axes, whole, field)
                 if _stands_still(put, field):
@@ -184,8 +190,8 @@ def _try_each(field: Array) -> Iterator[Undone]:
                     _compare(one.measure(field[some]), off, unit / 4)
                     for one in (ellipsoid, after_own)
                 )
-                if beside > -AGAINST:
-                    gain = path + beside * (not kind.shifts) - PRICE * _count_lost(put)
+                if beside > -MAX_CONTRARY:
+                    gain = path + beside * (not kind.shifts) - LOST_READING_PRICE * _count_lost(put)
                     yield Undone(kind, put, axes, unit, gain)
 
 
@@ -195,8 +201,8 @@ def _stands_still(field: Array, before: Array) -> bool:
     if not there.any():
         return True
     left, had = (np.ptp(one[there], axis=0) for one in (field, before))
-    still = (left <= LEAST * had) & (np.ptp(before, axis=0) > 0.0)
-    return any(len(np.unique(axis)) < FEWEST for axis in field[there].T[still])
+    still = (left <= MIN_CHANGE * had) & (np.ptp(before, axis=0) > 0.0)
+    return any(len(np.unique(axis)) < MIN_READINGS for axis in field[there].T[still])
 
 
 def _count_lost(field: Array) -> int:
@@ -316,7 +322,7 @@ def _tell(found: Undone, field: Array, rows: Index, unit: str) -> Finding:
         move = f"correct the logger; --as {found.kind.word} reads its logs"
         return Finding("decoding", "check", what, move)
     lost = _count_lost(found.field)
-    doubtful, share = lost > DOUBTFUL * len(field), figure(100 * lost / len(field))
+    doubtful, share = lost > LOST_DOUBTFUL * len(field), figure(100 * lost / len(field))
     what = f"{lost} readings ({share} %) are {found.kind.what}, and were left out"
     move = "check the logger and the program that reads it" if doubtful else ""
     return Finding("outliers", "check" if doubtful else "note", what, move)

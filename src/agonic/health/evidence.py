@@ -16,7 +16,7 @@ HEADING_DOUBTFUL_DEG = 2.0
 """The same: what a skipper or an autopilot notices."""
 NOISE_DOUBTFUL = 0.04
 """Of the field, scatter about the best calibration: the field was not the same everywhere."""
-HOLDS = 0.03
+FITTING_NOISE = 0.03
 """Noise over the field below which a fit holds for most of the readings."""
 OUTLIERS_DOUBTFUL = 0.25
 """Of the rows left out: a robust fit is right beside fewer (torture: 20 % gross, a magnet that
@@ -33,7 +33,7 @@ SHIFT_DOUBTFUL = 0.03
 """The same, to be looked at: the whole step errs a level heading by 2° at a dip of 60°."""
 SHIFT_OVER_NOISE = 3.0
 """Of the noise: a smaller step does not stand out of the readings."""
-FEWEST = 12
+MIN_READINGS = 12
 """Fewer readings than this cannot be judged: nine unknowns leave nothing to check them by."""
 SWITCH_PRICE = 15.0
 """Of a switch between lasting states, in log-likelihood: by chance one in e¹⁵ rows."""

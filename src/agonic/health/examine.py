@@ -6,7 +6,7 @@ import numpy as np
 
 from agonic.health.decoding import MOST_TRIED_ROWS
 from agonic.health.evidence import (
-    HOLDS,
+    FITTING_NOISE,
     MOST_ROWS,
     NOISE_DOUBTFUL,
     OUTLIERS_TELLING,
@@ -65,7 +65,9 @@ def _measure_rest(e: Evidence) -> Told:
     spread = float((high - low).max() / 2)
     # but not on a sphere of their own that is far smaller, as of a unit that is another: at rest
     # they would be about as long as the field
-    turned = float(np.ptp(e.readings, axis=0).max()) > e.radius and e.noise < HOLDS * e.radius
+    turned = (
+        float(np.ptp(e.readings, axis=0).max()) > e.radius and e.noise < FITTING_NOISE * e.radius
+    )
     known = e.known_radius or 0.0
     too_small = turned and median(find_length(e.readings)) < 0.5 * known
     at_rest = spread < 0.1 * known and not too_small

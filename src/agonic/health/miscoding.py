@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.health.evidence import FEWEST
+from agonic.health.evidence import MIN_READINGS
 from agonic.maths.one_pass import median
 
 GROSS = 10_000
@@ -48,7 +48,7 @@ def drop_gross(numbers: Array) -> Array | None:
 def drop_markers(numbers: Array) -> Array | None:
     """Without known markers, and without the number at an end of their range that stands alone."""
     levels = np.unique(numbers)
-    if len(levels) < FEWEST:
+    if len(levels) < MIN_READINGS:
         return None
     reach = levels[-2] - levels[1]
     ends = (levels[0], levels[1] - levels[0]), (levels[-1], levels[-1] - levels[-2])
@@ -96,7 +96,7 @@ def drop_extended(numbers: Array) -> Array | None:
     """Without those that a low byte with a sign made −128 to −1; others have one below 128."""
     lost = (numbers >= -BYTE // 2) & (numbers < 0)
     others = numbers[~lost]
-    possible = lost.sum() >= FEWEST and (np.abs(others) > BYTE).sum() >= FEWEST
+    possible = lost.sum() >= MIN_READINGS and (np.abs(others) > BYTE).sum() >= MIN_READINGS
     if not possible or (others % BYTE >= BYTE // 2).any():
         return None
     return np.where(lost, np.nan, numbers)

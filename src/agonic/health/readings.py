@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from agonic.health.decoding import find_decoding
-from agonic.health.evidence import FEWEST
+from agonic.health.evidence import MIN_READINGS
 from agonic.health.finding import Fact, Finding, Limit, Told, figure, find_facts
 from agonic.health.scale import find_quantisation, measure_gravity
 from agonic.health.sticking import Sticking, find_sticking, is_throughout
@@ -86,7 +86,7 @@ def _measure_repeated(samples: Samples, _: Sticking) -> Told:
 
 
 def _measure_gaps(samples: Samples, _: Sticking) -> Told:
-    if samples.time is None or len(samples) < FEWEST:
+    if samples.time is None or len(samples) < MIN_READINGS:
         return None
     steps = np.diff(samples.time)
     count = int((steps > max(20 * median(steps), 1.0)).sum())
@@ -102,7 +102,7 @@ def _measure_normalised(samples: Samples, _: Sticking) -> Told:
     """Whether a driver has divided readings by their own length. No sensor is so steady: even in
     one place its noise is some parts in 10⁵."""
     size = find_length(samples.field)
-    middle = float(size.mean()) if len(size) >= FEWEST else 0.0
+    middle = float(size.mean()) if len(size) >= MIN_READINGS else 0.0
     turned = np.ptp(samples.field, axis=0).max(initial=0.0) > 0.1 * middle
     made = 0 < middle < np.inf and turned and float(size.std()) <= _STEADIEST * middle
     return {} if made else None
@@ -119,7 +119,7 @@ FACTS = (
     ),
     Fact(
         "too few readings",
-        lambda samples, _: {"count": len(samples)} if len(samples) < FEWEST else None,
+        lambda samples, _: {"count": len(samples)} if len(samples) < MIN_READINGS else None,
         "refuse",
         "only {count} readings: with nine unknowns none are left to check the result",
         "record at least a few hundred while turning the sensor about all axes",

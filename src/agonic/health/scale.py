@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.coverage import OPEN_DEG
-from agonic.health.evidence import HOLDS, MOST_ROWS
+from agonic.health.evidence import FITTING_NOISE, MOST_ROWS
 from agonic.health.finding import Fact, Finding, Limit, Told, figure, find_first
 from agonic.maths.one_pass import find_length, median
 from agonic.samples import Samples
@@ -144,8 +144,8 @@ def measure_gravity(samples: Samples, _: object) -> Told:
     size = find_length(samples.field)
     middle = median(size)
     turned = float(np.ptp(samples.field, axis=0).max()) > middle / 4
-    near = [abs(middle / one - 1) < HOLDS for one in (1.0, STANDARD_GRAVITY_M_S2)]
-    if not any(near) or not turned or median(np.abs(size - middle)) > HOLDS * middle:
+    near = [abs(middle / one - 1) < FITTING_NOISE for one in (1.0, STANDARD_GRAVITY_M_S2)]
+    if not any(near) or not turned or median(np.abs(size - middle)) > FITTING_NOISE * middle:
         return None
     return {"size": figure(middle, 3)}
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from agonic.arrays import Array, Index, Mask
 from agonic.health.decoding import MOST_TRIED_ROWS, fit_ellipsoid, hold_shape, list_columns
 from agonic.health.evidence import (
-    FEWEST,
-    HOLDS,
+    FITTING_NOISE,
+    MIN_READINGS,
     SHIFT_DOUBTFUL,
     SHIFT_OVER_NOISE,
     SHIFT_REFUSED,
@@ -33,7 +33,7 @@ from agonic.health.finding import Finding, describe_moments, figure
 from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.estimation.changes.hidden_states import find_path
 
-STRANGE = 4.0
+MAX_DEVIATIONS = 4.0
 """Standard deviations from both ellipsoids that are as likely as belonging to neither."""
 STATES_APART = 4.0
 """Standard deviations between states: by chance two are 1.6 apart, the halves of one Gaussian."""
@@ -41,17 +41,17 @@ MOST_NEITHER = 0.5
 """Of the rows of the rarer state: where more belong to neither, they are no second state."""
 RADII_ALIKE = 0.8
 """Of the radii, the smaller over the larger: one magnitude is behind both."""
-BETTER = 0.65
+MOST_LEFT_LASTING = 0.65
 """Of what one ellipsoid leaves, two leave less: bends leave more, and so do halves of noise."""
-BETTER_ROWS = 0.5
+MOST_LEFT_BY_ROWS = 0.5
 """The same of states row by row, which the halves of one Gaussian pretend to be."""
-PROMISING = 0.9
+MOST_LEFT_BY_GUESS = 0.9
 """Of the same, what a guess leaves that is worth a try."""
 MOST_OFF = 0.2
 """Of the radius: how far off a row is counts no more beyond."""
-SHORT = 0.03
+MIN_STRETCH = 0.03
 """Of the log: a stretch is longer. Less is a magnet that was passed, which outliers tell."""
-AS_LITTLE = 1.2
+EXPLAINED_NOISE = 1.2
 """Times the noise that the fitted terms leave: a split into states that leaves more is explained by
 the terms."""
 MIXED_REFUSED = 0.1
@@ -62,9 +62,9 @@ MOST_BIASES = 3
 """Searches for a bias beside those found."""
 BY_DIRECTION = 25.0
 """Of χ² with five degrees of freedom: by chance one in 7000."""
-SURE, SURE_TO_SD = 0.3, 0.385
+TELLING_QUANTILE, TELLING_QUANTILE_SD = 0.3, 0.385
 """Of the rows of a state, those that tell its noise: others may be of a third."""
-PARTS = 7
+PARTS_TRIED = 7
 """Parts of the log that are tried to be another state, one or some in succession."""
 MOST_GUESSES = 6
 """That are followed: those that leave least lead to the same states."""
@@ -133,18 +133,20 @@ def check_states(e: Evidence, left: float | None) -> Finding | None:
     """The finding that two sensors are mixed, or that the bias was another for a while. It is told
     where it leaves as little as terms do: `left`, noise and memory over the radius, if there are
     any. Of few readings, 36 with ten outliers, 13 unknowns put half on either ellipsoid."""
-    if len(e.readings) < 5 * FEWEST:
+    if len(e.readings) < 5 * MIN_READINGS:
         return None
     raw, at = (e.readings - e.bias) / e.radius, (e.residuals / e.radius, e.normals)
     try:
-        found = None if e.noise < HOLDS * e.radius else find_states(raw, *at, e.weights == 0.0)
+        found = (
+            None if e.noise < FITTING_NOISE * e.radius else find_states(raw, *at, e.weights == 0.0)
+        )
         if found is None:
             found = find_states(raw @ e.shape.T, *at, e.weights == 0.0)
     except np.linalg.LinAlgError:  # readings of no ellipsoid
         return None
     if found is None:
         return None
-    explained = left is not None and found.noise > AS_LITTLE * left
+    explained = left is not None and found.noise > EXPLAINED_NOISE * left
     if len(found.edges) and (explained or found.shift < SHIFT_DOUBTFUL):
         return None
     if not len(found.edges):
@@ -205,7 +207,7 @@ def _find_edges(changed: Mask) -> Index:
     edges = np.flatnonzero(np.diff(changed)) + 1
     while len(edges) > 1:
         k = int(np.argmin(np.diff(edges)))
-        if edges[k + 1] - edges[k] > SHORT * len(changed):
+        if edges[k + 1] - edges[k] > MIN_STRETCH * len(changed):
             break
         edges = np.delete(edges, [k, k + 1])
     return edges
@@ -238,16 +240,18 @@ def _find_split(points: Array, guesses: Iterator[Mask]) -> _Split | None:
     one = _measure_cost(_fit(points, np.zeros(len(points), dtype=np.int8))[0][0])
     weighed = []
     for guess in guesses:
-        if FEWEST <= np.count_nonzero(guess) <= len(guess) - FEWEST:
+        if MIN_READINGS <= np.count_nonzero(guess) <= len(guess) - MIN_READINGS:
             off, _, _ = _fit(points, guess.astype(np.int8))
             weighed.append((_measure_cost(np.where(guess, off[1], off[0])), guess))
-    likely = sorted((pair for pair in weighed if pair[0] < PROMISING * one), key=lambda p: p[0])
+    likely = sorted(
+        (pair for pair in weighed if pair[0] < MOST_LEFT_BY_GUESS * one), key=lambda p: p[0]
+    )
     tried = [_alternate(points, guess) for _, guess in likely[:MOST_GUESSES]]
     found = (split for split in tried if split is not None)
     best = min(found, key=lambda split: split.cost, default=None)
     if best is None or not best.stands_out:
         return None
-    share = BETTER if best.lasts else BETTER_ROWS
+    share = MOST_LEFT_LASTING if best.lasts else MOST_LEFT_BY_ROWS
     return best if best.cost < share * one else None
 
 
@@ -262,8 +266,8 @@ def _guess(
     weighed = _weigh(left[None] / max(_measure_noise(left), 1e-9))
     yield np.asarray(find_path(weighed, SWITCH_PRICE) == 1)
     yield rows % 2 == 1
-    part = np.arange(len(points)) * PARTS // len(points)
-    yield from ((part >= a) & (part < b) for a, b in combinations(range(PARTS + 1), 2))
+    part = np.arange(len(points)) * PARTS_TRIED // len(points)
+    yield from ((part >= a) & (part < b) for a, b in combinations(range(PARTS_TRIED + 1), 2))
     xx, yy, zz, xy, xz, yz, _ = _regress(residuals**2, _list_squares(normals))
     square = np.array([[xx, xy / 2, xz / 2], [xy / 2, yy, yz / 2], [xz / 2, yz / 2, zz]])
     shift = np.linalg.eigh(square)[1][:, -1]
@@ -275,7 +279,7 @@ def _alternate(points: Array, second: Mask) -> _Split | None:
     state = second.astype(np.int8)
     found, price = None, 0.0
     for _ in range(12):
-        if min(np.count_nonzero(state == 0), np.count_nonzero(state == 1)) < FEWEST:
+        if min(np.count_nonzero(state == 0), np.count_nonzero(state == 1)) < MIN_READINGS:
             return None
         off, shift, radii = _fit(points, state)
         own = np.where(state == 1, off[1], off[0])[state != _NEITHER]
@@ -291,13 +295,13 @@ def _alternate(points: Array, second: Mask) -> _Split | None:
 
 def _weigh(off: Array) -> Array:
     """What each state costs a row, neither last (k + 1, n), by distances (k, n) over the noise."""
-    far = np.full((1, off.shape[1]), STRANGE**2 / 2)
-    return np.concatenate([np.minimum(off**2 / 2, STRANGE**2), far])
+    far = np.full((1, off.shape[1]), MAX_DEVIATIONS**2 / 2)
+    return np.concatenate([np.minimum(off**2 / 2, MAX_DEVIATIONS**2), far])
 
 
 def _measure_noise(off: Array) -> float:
     """The standard deviation of the nearest rows of a state."""
-    return float(np.quantile(np.abs(off), SURE)) / SURE_TO_SD
+    return float(np.quantile(np.abs(off), TELLING_QUANTILE)) / TELLING_QUANTILE_SD
 
 
 def _last(state: NDArray[np.int8]) -> bool:
@@ -322,7 +326,7 @@ def _fit(points: Array, state: NDArray[np.int8]) -> tuple[Array, float, Array]:
         weighted = design * weight[:, None]
         params = np.linalg.solve(weighted.T @ design + np.diag(hold), -weighted.T @ square)
         left = square + design @ params
-        reach = STRANGE * _measure_noise(left[told]) + 1e-12
+        reach = MAX_DEVIATIONS * _measure_noise(left[told]) + 1e-12
         weight = told * np.minimum(1.0, reach / np.maximum(np.abs(left), 1e-12)) ** 3
     shape = params[:5]
     common = square + bends @ shape

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.health.evidence import FEWEST, MOST_ROWS
+from agonic.health.evidence import MIN_READINGS, MOST_ROWS
 from agonic.maths.equation.crowding import choose_evenly
 from agonic.maths.one_pass import median
 
@@ -52,7 +52,7 @@ def find_stuck_values(values: Array, find_others: Callable[[], Array]) -> Mask:
     still = np.concatenate([[False], values[1:] == values[:-1], [False]])
     edges = np.flatnonzero(still[1:] != still[:-1])
     starts, stops = edges[::2], edges[1::2] + 1
-    long = stops - starts >= min(max(50, 0.02 * n), max(n, FEWEST))
+    long = stops - starts >= min(max(50, 0.02 * n), max(n, MIN_READINGS))
     if not long.any():
         return stuck
     others = find_others()
@@ -70,7 +70,7 @@ def find_stuck_values(values: Array, find_others: Callable[[], Array]) -> Mask:
 
 def is_throughout(stuck: Mask) -> bool:
     """Whether an axis stands still in all rows but too few to be judged."""
-    return int(np.count_nonzero(~stuck)) < min(FEWEST, len(stuck))
+    return int(np.count_nonzero(~stuck)) < min(MIN_READINGS, len(stuck))
 
 
 def find_clipped_rows(field: Array) -> Mask:

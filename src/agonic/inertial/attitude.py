@@ -38,7 +38,7 @@ SETTLING_S = 3.0
 """Time constant of the low-pass: what lasts longer is taken to be gravity."""
 GAP_S = 0.3
 """After a longer pause in the log, of more than five rows, the attitude starts anew."""
-SHORTEST = 30
+MIN_PART_ROWS = 30
 """Rows without which a part between two pauses is left out."""
 UNKNOWNS = 14
 """Errors that all rows share beside a gyro: of acceleration, rate, its scale, speed, two delays."""
@@ -97,7 +97,7 @@ def estimate_attitude(samples: Samples, settling_s: float = SETTLING_S) -> Inert
     )
     variances = [(0.0, 0.0, 0)]
     for number, rows in enumerate(find_parts(time)):
-        if len(rows) >= SHORTEST:
+        if len(rows) >= MIN_PART_ROWS:
             noise = _estimate_part(felt, rows, time[rows], force[rows], rate[rows], settling_s)
             variances.append((*noise, len(rows)))
             felt.part[rows] = number

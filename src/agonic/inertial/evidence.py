@@ -33,7 +33,7 @@ TURN_ROUND = (
 )
 SCATTER = 0.35
 """Of the field: a vertical part that scatters by more is not that of the accelerometer's axes."""
-FEWEST = 50
+MIN_TURNED_ROWS = 50
 """Readings whose median tells a dip."""
 
 
@@ -138,7 +138,7 @@ def check_felt_dip(fit: Fit, samples: Samples, given: Reference | None) -> Findi
     size = np.sqrt((field**2).sum(axis=1))
     below = (field * down).sum(axis=1) / np.where(size > 0, size, np.nan)
     below = below[np.isfinite(below)]
-    if len(below) < FEWEST or robust_scale(below - np.median(below)) > SCATTER:
+    if len(below) < MIN_TURNED_ROWS or robust_scale(below - np.median(below)) > SCATTER:
         return None
     dip = float(np.degrees(np.arcsin(np.clip(np.median(below), -1.0, 1.0))))
     opposite = _describe_opposite(dip, known)

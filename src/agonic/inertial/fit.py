@@ -19,7 +19,7 @@ from agonic.calibration.affine import Affine
 from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.errors import LogError
 from agonic.fit import Fit
-from agonic.health import FEWEST, Finding
+from agonic.health import MIN_READINGS, Finding
 from agonic.health.inertial_unit import check_clipping, repair
 from agonic.inertial.attitude import Inertial
 from agonic.inertial.evidence import (
@@ -103,7 +103,7 @@ def find_headings(solved: Solved) -> tuple[Headings | None, Finding | None]:
     if samples.heading_deg is None or samples.heading_estimated or felt.ahead is None:
         return None, None
     known = samples.heading_known & solved.usable
-    if known.sum() < FEWEST:
+    if known.sum() < MIN_READINGS:
         return None, None
     attitudes = orient(solved.problem, samples, felt, solved.found.solution.params)
     magnetic = np.degrees(np.arctan2(attitudes[:, 1, 0], attitudes[:, 0, 0]))

@@ -58,7 +58,7 @@ NODDING_S = 1.0
 """Time constant of the turns that change the course of a vehicle: in a gust it only nods."""
 AZIMUTH_S = 10.0
 """Over which the azimuth of the field is smoothed where the joint estimate starts."""
-FEWEST = 30
+MIN_STRETCH_ROWS = 30
 """Rows of a stretch whose azimuth is an unknown of its own."""
 
 
@@ -150,7 +150,7 @@ def number_stretches(time: Array, part: Index, stretch_s: float) -> Index:
     for one in np.unique(part):
         rows = np.flatnonzero(part == one)
         span = float(time[rows[-1]] - time[rows[0]])
-        pieces = max(1, min(round(span / stretch_s), len(rows) // FEWEST))
+        pieces = max(1, min(round(span / stretch_s), len(rows) // MIN_STRETCH_ROWS))
         numbers[rows] = count + np.arange(len(rows)) * pieces // len(rows)
         count += pieces
     return numbers

@@ -11,7 +11,7 @@ from agonic.arrays import Array, Mask
 from agonic.attitude.fit import find_usable
 from agonic.attitude.problem import Scale, estimate_usable, refine_usable
 from agonic.errors import CoverageError
-from agonic.health import FEWEST
+from agonic.health import MIN_READINGS
 from agonic.inertial.attitude import Inertial, estimate_attitude
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.maths.joint import Joint
@@ -32,7 +32,7 @@ from agonic.samples import Samples
 
 SLOW_M_S = 0.2
 """Of a sensor that is turned in the hand, or a vehicle that turns where it stands."""
-CLEARLY = 10.0
+MIN_SPEED_EVIDENCE = 10.0
 """A speed is taken to be there where it makes the readings e^10 times as probable."""
 _ROUNDS = 4
 _START_ROWS = 1500  # rows to start with
@@ -142,7 +142,7 @@ def choose_speed(
     near = still.found.solution.params.copy()
     near[len(near) - len(still.sds) + 9 :][:3] *= SLOW_M_S / settings.speed_sd_m_s
     moving = _solve_with(samples, reference, settings, settings.speed_sd_m_s, near)
-    return moving if _compare_lengths(moving, still) > CLEARLY else still
+    return moving if _compare_lengths(moving, still) > MIN_SPEED_EVIDENCE else still
 
 
 def _compare_lengths(one: Solved, other: Solved) -> float:
@@ -183,7 +183,7 @@ def _solve_with(
     until little is left."""
     felt = estimate_attitude(samples)
     known = np.flatnonzero(felt.known)
-    if len(known) < FEWEST:
+    if len(known) < MIN_READINGS:
         raise CoverageError(
             f"accelerometer and gyro determine the attitude of {len(known)} readings only",
             turns="record without pauses, and the acceleration with every reading",

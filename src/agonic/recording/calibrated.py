@@ -31,8 +31,8 @@ from agonic.recording.choice.choose import Kind, choose, fall_back
 from agonic.recording.choice.fits import Case, Choice, describe_latency, list_sources
 from agonic.recording.ladder import Rung, build_ladder
 from agonic.recording.parts import (
-    CHANCE,
     CHANGED,
+    MAX_OVER_STATED,
     Folds,
     Stretch,
     compare_folds,
@@ -293,7 +293,7 @@ def _verify(choice: Choice) -> Calibrated:
         fit.calibration,
         samples,
         reference,
-        noise=float(np.hypot(noise, CHANCE * folds.magnitude_sd)) if folds else noise,
+        noise=float(np.hypot(noise, MAX_OVER_STATED * folds.magnitude_sd)) if folds else noise,
         corrected=folds.unseen if folds else None,
         held_out=used if used.any() else None,
     )

@@ -50,7 +50,7 @@ MATTERS_DEG = 1.0
 """A turn that is surely larger is undone; sensors are mounted with such errors."""
 SHARP_DEG = 3.0
 """Standard error of a turn, about any axis, from which it is not undone."""
-BETTER = 0.9
+MOST_MISFIT_LEFT = 0.9
 """Of these changes, what a turn that is certain leaves; in a room the field leans from place to
 place, which a turn explains a little of."""
 LEFT_SD = 3e-3
@@ -119,7 +119,7 @@ def undo_turn(
         return fit
     if known and np.degrees(found.sd) < SHARP_DEG:
         return _apply(fit, found)
-    if is_certain(found, MATTERS_DEG, BETTER) and np.degrees(found.angle) < MOST_DEG:
+    if is_certain(found, MATTERS_DEG, MOST_MISFIT_LEFT) and np.degrees(found.angle) < MOST_DEG:
         return _apply(fit, found).with_findings(describe_found(found.turn, found.sd))
     small = np.degrees(found.angle) < SMALL_DEG
     return _state_unknown(fit, found, samples, move) if small else fit
@@ -196,7 +196,7 @@ def _state_unknown(fit: Fit, found: TurnBeside, samples: Samples, move: str) -> 
     surely = np.degrees(size - SURELY / 2 * sd) * by_angle > own and size > SURELY * sd
     size_deg, sd_deg = np.degrees([size, sd]).tolist()
     mounted = MountedHeading(own, vehicle, size_deg, turn_sd_deg=sd_deg)
-    worse = found.misfit > BETTER * found.unturned or found.misfit * RIVAL > found.rival
+    worse = found.misfit > MOST_MISFIT_LEFT * found.unturned or found.misfit * RIVAL > found.rival
     told = check_turned_sensor(mounted, turned=True) if surely and not worse else None
     if told is None:
         return fit

@@ -32,7 +32,7 @@ AGREEMENT_LIMIT_DEG = 2.0
 HALVES = "two halves of the log agree"
 HALVES_REFUSED_DEG = 15.0
 """Fits to alternate parts that point so far apart, by more than they state, know no direction."""
-CHANCE = 2.0
+MAX_OVER_STATED = 2.0
 """Parts may differ by so many times what their fits state."""
 
 
@@ -160,7 +160,7 @@ def compare_folds(folds: Folds | None) -> Check:
     meaning = "half of the log is not enough for a fit, so nothing could be held out: record longer"
     if folds is not None:
         apart = float(np.sqrt(np.mean(angle_deg(folds.unseen, folds.seen) ** 2)))
-        limit = max(limit, CHANCE * folds.turn_deg)
+        limit = max(limit, MAX_OVER_STATED * folds.turn_deg)
         way = "differently: the field changed, or too few directions were visited"
         way = "the same way" if apart <= limit else way
         meaning = f"calibrations from alternate parts of the log point {way}"
@@ -200,9 +200,9 @@ def describe_failed(check: Check) -> Finding:
 Stretch = tuple[float, float]
 """First and last moment, or row where there are no times."""
 CHANGED = "field changed"
-MOST = 0.6
+MIN_SHARE_JOINED = 0.6
 """Of the log: what came and went was there for the rest of the time at most."""
-MARGIN = 0.02
+CHANGE_MARGIN = 0.02
 """Of a stretch: so near to a change its readings may be of either side."""
 
 
@@ -218,7 +218,7 @@ def list_parts(changed: Finding, clock: Array) -> list[tuple[Stretch, ...]]:
     """
     found = cut_stretches(changed, clock)
     joined = [tuple(every) for every in (found[::2], found[1::2]) if len(every) > 1]
-    parts = [part for part in joined if _measure(part) > MOST * _measure(found)]
+    parts = [part for part in joined if _measure(part) > MIN_SHARE_JOINED * _measure(found)]
     parts += [(one,) for one in found]
     return sorted(parts, key=lambda p: _measure(p) * (1 + (p[-1][1] >= clock[-1])), reverse=True)
 
@@ -238,7 +238,7 @@ def find_rows(clock: Array, part: Iterable[Stretch]) -> Mask:
     """The rows of stretches, but for those next to a change."""
     rows = np.zeros(len(clock), dtype=bool)
     for first, last in part:
-        margin = MARGIN * (last - first)
+        margin = CHANGE_MARGIN * (last - first)
         begin, end = first + margin * (first > clock[0]), last - margin * (last < clock[-1])
         rows |= (clock >= begin) & (clock <= end)
     return rows

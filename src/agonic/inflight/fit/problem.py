@@ -13,7 +13,7 @@ from agonic.calibration.base import Calibration, apply
 from agonic.calibration.network import Network
 from agonic.calibration.steps import find_step
 from agonic.errors import AgonicError, CoverageError, check_choice
-from agonic.health import FEWEST, find_usable_rows
+from agonic.health import MIN_READINGS, find_usable_rows
 from agonic.inflight.fit.ground_errors import bring_to_nT, find_order, has_free_scale
 from agonic.inflight.fit.terms import Terms, build_terms
 from agonic.inflight.fit.torquers import Torquers, leave_out_unmodelled
@@ -201,5 +201,5 @@ def select_rows(
 
 def require_enough(rows: Mask) -> None:
     """Raise `CoverageError` where too few rows are left."""
-    if rows.sum() < FEWEST:
+    if rows.sum() < MIN_READINGS:
         raise CoverageError(f"{int(rows.sum())} readings are left, too few for a fit")

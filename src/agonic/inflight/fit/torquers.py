@@ -9,7 +9,7 @@ import numpy as np
 
 from agonic.arrays import Array, Mask
 from agonic.calibration.sources import list_columns
-from agonic.health import FEWEST, Finding, figure
+from agonic.health import MIN_READINGS, Finding, figure
 from agonic.samples import Samples
 
 DIPOLE = "_Am2"
@@ -48,7 +48,7 @@ def leave_out_unmodelled(
     commands = tuple(name for name in list_dipoles(samples) if np.ptp(columns[name]) > 0)
     unmodelled = tuple(name for name in commands if name not in taken)
     on = is_on(samples, unmodelled)
-    if (used & ~on).sum() < FEWEST:
+    if (used & ~on).sum() < MIN_READINGS:
         on[:] = False
     rows = max(int(used.sum()), 1)
     found = Torquers(commands=commands, unmodelled=unmodelled, on=int((used & on).sum()), rows=rows)
@@ -94,7 +94,7 @@ def find_settling_s(since: Array, residuals: Array, step_s: float) -> float:
     counted = number[np.isfinite(number)]
     middle = float(np.median(counted)) if len(counted) else 0.0
     late = residuals[number >= min(LONGEST, middle)]
-    if len(late) < FEWEST:
+    if len(late) < MIN_READINGS:
         return 0.0
     squares = np.minimum(np.square(late), np.square(10 * np.median(np.abs(late))))
     usual, spread = float(squares.mean()), float(squares.std())
