@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -157,42 +158,44 @@ def _try_each(field: Array) -> Iterator[Undone]:
     if len(field) < 3:
         return
     units = sorted({float(f"{unit:.9g}") for unit in _find_units(field) if unit > 0})
-    bends, some = _measure_bends(field), choose_evenly(len(field), MOST_TRIED_ROWS)
-    ellipsoid = fit_ellipsoid(field[some])
+    bends, ellipsoid = _measure_bends(field), fit_ellipsoid(_choose_some(field))
     every = [np.ones(3, dtype=bool), *np.eye(3, dtype=bool)]
     reach = float(np.ptp(field)) or 1.0
-    for kind in KINDS:
-        for unit in units:
-            whole = _undo_axes(kind, field, every[0], unit)
-            edge = np.isnan(whole) & kind.shifts
-            changed = ~(edge | (np.abs(whole - field) < MIN_CHANGE * reach)).all(axis=0)
-            if not changed.any():
+    for kind, unit in product(KINDS, units):
+        whole = _undo_axes(kind, field, every[0], unit)
+        edge = np.isnan(whole) & kind.shifts
+        changed = ~(edge | (np.abs(whole - field) < MIN_CHANGE * reach)).all(axis=0)
+        if not changed.any():
+            continue
+        after = _measure_bends(whole)
+        gains = np.array([_compare(bends[:, k], after[:, k], unit / 4) for k in range(3)])
+        sets = {(axes & changed).tobytes(): axes & changed for axes in [*every, gains > 0]}
+        for axes in sets.values():
+            path, least = float(gains[axes].sum()), MIN_LIKELIHOOD_GAIN
+            if not axes.any() or path < (least if kind.shifts else -MAX_CONTRARY):
                 continue
-            after = _measure_bends(whole)
-            gains = np.array([_compare(bends[:, k], after[:, k], unit / 4) for k in range(3)])
-            sets = {(axes & changed).tobytes(): axes & changed for axes in [*every, gains > 0]}
-            for axes in sets.values():
-                path = float(gains[axes].sum())
-                if (
-                    not axes.any()
-                    or path < -MAX_CONTRARY
-                    or (kind.shifts and path < MIN_LIKELIHOOD_GAIN)
-                ):
-                    continue
-                put = np.where(axes, whole, field)
-                if _stands_still(put, field):
-                    continue
-                # by their own ellipsoid and by that of the others, whichever is less: one that is
-                # hardly determined is another by chance
-                after_own = fit_ellipsoid(put[some])
-                off = after_own.measure(put[some])
-                beside = min(
-                    _compare(one.measure(field[some]), off, unit / 4)
-                    for one in (ellipsoid, after_own)
-                )
-                if beside > -MAX_CONTRARY:
-                    gain = path + beside * (not kind.shifts) - LOST_READING_PRICE * _count_lost(put)
-                    yield Undone(kind, put, axes, unit, gain)
+            put = np.where(axes, whole, field)
+            if _stands_still(put, field):
+                continue
+            beside = _compare_ellipsoids(field, put, ellipsoid, unit / 4)
+            if beside > -MAX_CONTRARY:
+                gain = path + beside * (not kind.shifts) - LOST_READING_PRICE * _count_lost(put)
+                yield Undone(kind, put, axes, unit, gain)
+
+
+def _choose_some(field: Array) -> Array:
+    """Readings that are enough to tell the ellipsoid of all, evenly over them."""
+    return field[choose_evenly(len(field), MOST_TRIED_ROWS)]
+
+
+def _compare_ellipsoids(field: Array, put: Array, ellipsoid: Ellipsoid, least: float) -> float:
+    """The log-likelihood gained by readings `put` in the place of others, by their own ellipsoid
+    and by that of the others, whichever is less: one that is hardly determined is another by
+    chance."""
+    before, after = _choose_some(field), _choose_some(put)
+    own = fit_ellipsoid(after)
+    off = own.measure(after)
+    return min(_compare(one.measure(before), off, least) for one in (ellipsoid, own))
 
 
 def _stands_still(field: Array, before: Array) -> bool:
