@@ -9,8 +9,8 @@ import numpy as np
 from agonic.attitude.known_heading import check_azimuth
 from agonic.calibration.base import correct_field
 from agonic.fit import Fit
-from agonic.health import Finding, figure
 from agonic.health.evidence import HEADING_DOUBTFUL_DEG
+from agonic.health.finding import Fact, Finding, Limit, Told, find_first
 from agonic.inertial.problem import INCLINATION_SD, Settings
 from agonic.inertial.start import FOUND, SLOW_M_S, Solved, find_field
 from agonic.maths.estimation.noise.residuals import robust_scale
@@ -37,31 +37,22 @@ MIN_TURNED_ROWS = 50
 """Readings whose median tells a dip."""
 
 
-def check_inclination(solved: Solved) -> Finding | None:
-    """The finding that the log does not tell the dip that nothing else told. Errors of the tilt
-    make its effect on the readings seem smaller, by their share of its variance (regression
-    dilution), and with it the vertical intensity Z: dI = dZ/Z · sin 2I/2."""
+def _measure_inclination(_: Fit, solved: Solved) -> Told:
+    """How well the log tells the dip that nothing else told. Errors of the tilt make its effect on
+    the readings seem smaller, by their share of its variance (regression dilution), and with it the
+    vertical intensity Z: dI = dZ/Z · sin 2I/2."""
     if not solved.settings.inclination_free:
         return None
     variance = float(solved.found.solution.covariance[-1, -1])
     level, below = solved.reference.values.mean(axis=0)
     diluted = solved.tilt_noise * abs(float(np.sin(2 * np.arctan2(below, level)))) / 2
-    sd = float(np.degrees(np.hypot(np.sqrt(variance) * solved.sds[-1], diluted)))
-    if sd < INCLINATION_DOUBTFUL_DEG:
-        return None
-    return Finding(
-        "inclination",
-        "check",
-        f"the dip of the field is not known and the log determines it to {figure(sd)}° only: "
-        "headings hold where the vehicle is as level as it was",
-        "give the place (--at LAT,LON), or tilt the vehicle by 5° and more while it turns",
-    )
+    return float(np.degrees(np.hypot(np.sqrt(variance) * solved.sds[-1], diluted)))
 
 
-def check_speed(fit: Fit, solved: Solved) -> Finding | None:
-    """The finding that a speed kept in turns would look like a lean. Of a speed v the estimate
-    misses C v, C being what the log leaves of the prior's variance, and that leans level by ω × C
-    v/g, at the mean rate ω."""
+def _measure_speed(fit: Fit, solved: Solved) -> Told:
+    """What a speed kept in turns, which looks like a lean, makes of a heading. Of a speed v the
+    estimate misses C v, C being what the log leaves of the prior's variance, and that leans level
+    by ω × C v/g, at the mean rate ω."""
     rate = solved.samples.rotation_rate
     if rate is None or solved.felt.ahead is None or solved.sds[9] > SLOW_M_S:
         return None
@@ -71,15 +62,33 @@ def check_speed(fit: Fit, solved: Solved) -> Finding | None:
     lean = skew(steady) @ missed / STANDARD_GRAVITY_M_S2
     steep = abs(np.tan(np.radians(fit.coverage.inclination_deg)))
     off = float(np.degrees(steep * WALKING_M_S * np.linalg.norm(lean, 2)))
-    if off < HEADING_DOUBTFUL_DEG:
-        return None
-    return Finding(
-        "turned at one rate",
-        "check",
-        "it turned at one rate only, so a constant speed in its turns looks like a tilt: at "
-        f"{figure(WALKING_M_S)} m/s headings would be off by up to {figure(off)}°",
-        "stop for ten seconds between the turns, and turn both ways, fast and slowly",
-    )
+    return {"value": off, "speed": WALKING_M_S}
+
+
+INCLINATION = Fact(
+    "inclination",
+    _measure_inclination,
+    Limit(INCLINATION_DOUBTFUL_DEG),
+    "the dip of the field is not known and the log determines it to {value}° only: headings hold "
+    "where the vehicle is as level as it was",
+    "give the place (--at LAT,LON), or tilt the vehicle by 5° and more while it turns",
+)
+ONE_RATE = Fact(
+    "turned at one rate",
+    _measure_speed,
+    Limit(HEADING_DOUBTFUL_DEG),
+    "it turned at one rate only, so a constant speed in its turns looks like a tilt: at {speed} "
+    "m/s headings would be off by up to {value}°",
+    "stop for ten seconds between the turns, and turn both ways, fast and slowly",
+)
+CONTRADICTION = Fact(
+    "inertial unit",
+    lambda solved: {} if solved.contradictory else None,
+    "refuse",
+    "accelerometer, gyro and magnetometer contradict one another: no attitude fits all three",
+    "check their units, signs, axes and clocks, or calibrate by the magnitude alone (--method "
+    "ellipsoid)",
+)
 
 
 def check_gyro(fit: Fit, solved: Solved) -> Finding | None:
@@ -92,19 +101,6 @@ def check_gyro(fit: Fit, solved: Solved) -> Finding | None:
     assert magnitude is not None
     radius = 3 * magnitude / float(np.trace(fit.calibration.matrix))
     return check_azimuth(fit.channels, radius, fit.coverage.inclination_deg, felt=True)
-
-
-def check_contradiction(solved: Solved) -> Finding | None:
-    """The finding that no attitude fits the readings of all three sensors."""
-    if not solved.contradictory:
-        return None
-    return Finding(
-        "inertial unit",
-        "refuse",
-        "accelerometer, gyro and magnetometer contradict one another: no attitude fits all three",
-        "check their units, signs, axes and clocks, or calibrate by the magnitude alone "
-        "(--method ellipsoid)",
-    )
 
 
 def check_gravity(
@@ -121,9 +117,7 @@ def check_gravity(
     found, _ = find_field(samples, magnitude, replace(settings, inclination_sd=INCLINATION_SD))
     seen = found.values.mean(axis=0)
     known, dip = np.degrees(np.arctan2([below, seen[1]], [level, seen[0]]))
-    opposite = _describe_opposite(float(dip), float(known))
-    what = f"{opposite}: the acceleration has the opposite sign"
-    return Finding("inertial unit", "refuse", what, TURN_ROUND) if opposite else None
+    return find_first([FELT_OPPOSITE], float(dip), float(known))
 
 
 def check_felt_dip(fit: Fit, samples: Samples, given: Reference | None) -> Finding | None:
@@ -141,13 +135,28 @@ def check_felt_dip(fit: Fit, samples: Samples, given: Reference | None) -> Findi
     if len(below) < MIN_TURNED_ROWS or robust_scale(below - np.median(below)) > SCATTER:
         return None
     dip = float(np.degrees(np.arcsin(np.clip(np.median(below), -1.0, 1.0))))
-    opposite = _describe_opposite(dip, known)
-    what = f"{opposite}: acceleration or magnetometer have the opposite sign"
-    return Finding("inertial unit", "check", what, TURN_ROUND) if opposite else None
+    return find_first([EITHER_OPPOSITE], dip, known)
 
 
-def _describe_opposite(dip: float, known: float) -> str:
-    """A dip that is the opposite of the known one, "" where it is not."""
-    if not (abs(known) >= OPPOSITE_DEG and abs(known + dip) <= OPPOSITE_DEG):
-        return ""
-    return f"the field seems to dip by {figure(dip)}° where it should by {figure(known)}°"
+def _measure_opposite(dip: float, known: float) -> Told:
+    """A dip that is the opposite of the known one."""
+    opposite = abs(known) >= OPPOSITE_DEG and abs(known + dip) <= OPPOSITE_DEG
+    return {"dip": dip, "known": known} if opposite else None
+
+
+FELT_OPPOSITE = Fact(
+    "inertial unit",
+    _measure_opposite,
+    "refuse",
+    "the field seems to dip by {dip}° where it should by {known}°: the acceleration has the "
+    "opposite sign",
+    TURN_ROUND,
+)
+EITHER_OPPOSITE = Fact(
+    "inertial unit",
+    _measure_opposite,
+    "check",
+    "the field seems to dip by {dip}° where it should by {known}°: acceleration or magnetometer "
+    "have the opposite sign",
+    TURN_ROUND,
+)

@@ -20,14 +20,15 @@ from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.errors import LogError
 from agonic.fit import Fit
 from agonic.health import MIN_READINGS, Finding
+from agonic.health.finding import find_facts, find_first
 from agonic.health.inertial_unit import check_clipping, repair
 from agonic.inertial.attitude import Inertial
 from agonic.inertial.evidence import (
-    check_contradiction,
+    CONTRADICTION,
+    INCLINATION,
+    ONE_RATE,
     check_gravity,
     check_gyro,
-    check_inclination,
-    check_speed,
 )
 from agonic.inertial.maths.factors import Headings
 from agonic.inertial.problem import Settings, orient
@@ -244,9 +245,9 @@ def _judge(
         solved.settings,
         "inertial",
     )
-    told = (check_gyro(fit, solved), *wrong, check_inclination(solved), *others)
-    fit = fit.with_findings(*told, check_speed(fit, solved))
-    refuted = check_contradiction(solved)
+    told = (check_gyro(fit, solved), *wrong, *find_facts([INCLINATION], fit, solved), *others)
+    fit = fit.with_findings(*told, *find_facts([ONE_RATE], fit, solved))
+    refuted = find_first([CONTRADICTION], solved)
     opposite = None  # without the gyro that was left out the sign of a level field is open
     if not any(one.severity == "refuse" for one in wrong):
         opposite = check_gravity(fit.with_findings(refuted), samples, reference, solved.settings)
