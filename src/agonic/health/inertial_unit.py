@@ -99,10 +99,10 @@ def find_faults(samples: Samples) -> tuple[Fault, ...]:
 
 def _find_faults(samples: Samples) -> tuple[Fault, ...]:
     found: dict[str, Fault] = {}
-    for fact, columns in FACTS:
-        for column in columns:
+    for fact in FACTS:
+        for column, sensor in _SENSORS.items():
             told = None if getattr(samples, column) is None else fact.measure(samples, column)
-            finding = word_fact(fact, told, sensor=_SENSORS[column])
+            finding = word_fact(fact, told, sensor=sensor)
             if finding is None:
                 continue
             repaired = told.get("repaired") if isinstance(told, Mapping) else None
@@ -116,11 +116,12 @@ def _measure_nothing(samples: Samples, column: str) -> Told:
     return None if getattr(samples, column).any() else {}
 
 
-def _measure_scale(samples: Samples, _: str) -> Told:
+def _measure_scale(samples: Samples, column: str) -> Told:
     """An acceleration in another unit: what it is at rest is not gravity. Its direction is all that
     a fit takes, so one of unknown unit is scaled to gravity."""
     force = samples.acceleration
-    assert force is not None
+    if force is None or column != "acceleration":
+        return None
     telling = find_telling(samples)
     assert telling.acceleration is not None
     # vibration adds to it, unless it is smoothed out, and turning takes from it where it is
@@ -184,53 +185,40 @@ def _tell_since(samples: Samples, stopped: Mask) -> Told:
     return {"share": 100 * float(stopped.mean()), "since": since}
 
 
-_BOTH = tuple(_SENSORS)
 FACTS = (
-    (
-        Fact(
-            "inertial unit",
-            _measure_nothing,
-            "note",
-            "the {sensor} reads nothing but zeros; it was left out",
-        ),
-        _BOTH,
+    Fact(
+        "inertial unit",
+        _measure_nothing,
+        "note",
+        "the {sensor} reads nothing but zeros; it was left out",
     ),
-    (
-        Fact(
-            "inertial unit",
-            _measure_scale,
-            "check",
-            "the acceleration is {size} in size where gravity is 9.8 m/s²: {looks}",
-            "name its unit; it was taken times {factor:3}",
-        ),
-        ("acceleration",),
+    Fact(
+        "inertial unit",
+        _measure_scale,
+        "check",
+        "the acceleration is {size} in size where gravity is 9.8 m/s²: {looks}",
+        "name its unit; it was taken times {factor:3}",
     ),
-    (
-        Fact(
-            "inertial unit",
-            _measure_still_axis,
-            "refuse",
-            "axis {axis} of the {sensor} reads {level} {unit} in {rows} while its other axes move: "
-            "it is dead or at the end of its range",
-            "check the {sensor}, its range and its wiring, and record again",
-        ),
-        _BOTH,
+    Fact(
+        "inertial unit",
+        _measure_still_axis,
+        "refuse",
+        "axis {axis} of the {sensor} reads {level} {unit} in {rows} while its other axes move: it "
+        "is dead or at the end of its range",
+        "check the {sensor}, its range and its wiring, and record again",
     ),
-    (
-        Fact(
-            "inertial unit",
-            _measure_stopped,
-            "refuse",
-            "the {sensor} repeats one reading in {share:.0f} % of the rows while the magnetometer "
-            "moves, from t = {since} s on: it stopped",
-            "record again with the {sensor} running throughout, or use the part of the log before",
-        ),
-        _BOTH,
+    Fact(
+        "inertial unit",
+        _measure_stopped,
+        "refuse",
+        "the {sensor} repeats one reading in {share:.0f} % of the rows while the magnetometer "
+        "moves, from t = {since} s on: it stopped",
+        "record again with the {sensor} running throughout, or use the part of the log before",
     ),
-    (TURNING, ("rotation_rate",)),
-    (GRAVITY_TURNING, ("acceleration",)),
+    TURNING,
+    GRAVITY_TURNING,
 )
-"""What may be wrong, of samples and one of their columns, and with which of them."""
+"""What may be wrong, of samples and one of their columns."""
 STOPPED = Fact(
     "stopped",
     _tell_since,

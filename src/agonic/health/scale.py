@@ -234,41 +234,34 @@ def _measure_other_size(samples: Samples, scalar: Array, size: Array) -> Told:
     return {**told, "beside": f" where the vector reads {figure(middle, 3)} nT, {times}"}
 
 
-NO_SCALAR = (
-    Fact(
-        "scale",
-        lambda _, scalar, __: None if (scalar > 0).any() else {},
-        "refuse",
-        "the scalar instrument reads nothing above zero",
-        "it is off, or not locked",
-    ),
-    Fact(
-        "scale",
-        _measure_constant,
-        "refuse",
-        "the scalar instrument reads {first} nT in all {count} rows",
-        "it is dead, or the number was typed in: --field {first} gives one",
-    ),
-    Fact(
-        "scale",
-        _measure_lost_lock,
-        "refuse",
-        "the scalar instrument repeats one value in {count} rows on end",
-        "it lost its lock there: leave those rows out (--between), or repair it",
-    ),
-    Fact(
-        "scale",
-        _measure_computed,
-        "refuse",
-        "the scalar column is the magnitude of the vector itself",
-        "name the column of an instrument of its own",
-    ),
-    Fact(
-        "scale",
-        _measure_other_size,
-        "refuse",
-        "the scalar instrument reads {usual} nT{beside}",
-        "check the unit in its header (F_nT, F_uT), and that it is the magnitude",
-    ),
+NO_SCALAR = tuple(
+    Fact("scale", measure, "refuse", what, move)
+    for measure, what, move in (
+        (
+            lambda _, scalar, __: None if (scalar > 0).any() else {},
+            "the scalar instrument reads nothing above zero",
+            "it is off, or not locked",
+        ),
+        (
+            _measure_constant,
+            "the scalar instrument reads {first} nT in all {count} rows",
+            "it is dead, or the number was typed in: --field {first} gives one",
+        ),
+        (
+            _measure_lost_lock,
+            "the scalar instrument repeats one value in {count} rows on end",
+            "it lost its lock there: leave those rows out (--between), or repair it",
+        ),
+        (
+            _measure_computed,
+            "the scalar column is the magnitude of the vector itself",
+            "name the column of an instrument of its own",
+        ),
+        (
+            _measure_other_size,
+            "the scalar instrument reads {usual} nT{beside}",
+            "check the unit in its header (F_nT, F_uT), and that it is the magnitude",
+        ),
+    )
 )
 """Of samples, their scalar column (n,), and the size (n,) of their vectors: why it is none."""
