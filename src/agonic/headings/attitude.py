@@ -46,7 +46,7 @@ class Attitude:
         upright = self.tilt.cos_pitch if self.order == "roll-pitch" else 1.0
         return np.asarray(((self.roll_sd * upright) ** 2 + self.pitch_sd**2) / 2)
 
-    @property
+    @cached_property
     def sd_deg(self) -> Array:
         """The standard deviation of the tilt about a level axis."""
         return np.asarray(np.degrees(np.sqrt(self.variance)))

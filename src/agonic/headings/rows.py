@@ -204,14 +204,16 @@ def add_disturbance(
         seen = np.maximum(near.min(axis=0), np.where(both, far.min(axis=0), 0.0))
     known = _explain(one, size, good) + attitude.variance / 2
     times = seen / np.maximum(known, 1e-12)
-    certain = np.clip((times - POSSIBLE) / (CERTAIN - POSSIBLE), 0.0, 1.0)
-    relative = np.where(sound, certain * np.maximum(seen - known, 0.0), 0.0)
-    turned = relative * (size / np.maximum(level, 1e-9)) ** 2
-    doubt = np.where(sound, np.degrees(np.degrees(turned)), 0.0)
+    rows = np.flatnonzero(times > POSSIBLE)  # of most logs few
+    certain = np.minimum((times[rows] - POSSIBLE) / (CERTAIN - POSSIBLE), 1.0)
+    relative = certain * (seen - known)[rows]
+    turned = relative * (size[rows] / np.maximum(level[rows], 1e-9)) ** 2
+    systematic = indicated.systematic.copy()
+    systematic[rows] += np.degrees(np.degrees(turned))
     if distance is not None:
-        distance = np.maximum(distance, np.sqrt(relative) / max(limit, 1e-12))
-    indicated = indicated._replace(systematic=indicated.systematic + doubt)
-    return one._replace(indicated=indicated, distance=distance)
+        distance = distance.copy()
+        distance[rows] = np.maximum(distance[rows], np.sqrt(relative) / max(limit, 1e-12))
+    return one._replace(indicated=indicated._replace(systematic=systematic), distance=distance)
 
 
 def _explain(one: CompassRows, size: Array, good: Index) -> float:
@@ -230,8 +232,10 @@ def bridge_disturbed(distance: Array, time: Array) -> Array:
     heading may be any. So a row is beyond the limit too between rows that are, within `PASSING_S`:
     most of those on one side, and `SOME` of those on the other.
     """
-    width = count_rows(time, PASSING_S)
-    beside = _average_beside((distance > 1.0).astype(np.float64), width, width)
+    far, width = distance > 1.0, count_rows(time, PASSING_S)
+    if not far.any():
+        return distance
+    beside = _average_beside(far.astype(np.float64), width, width)
     beside = np.where(np.isfinite(beside), beside, 0.0)
     more, less = beside.max(axis=0), beside.min(axis=0)
     between = (more > 0.5) & (less > SOME)

@@ -123,7 +123,10 @@ class Terms:
     def of_bias(self, samples: Samples) -> Array:
         """The terms of the bias of each row, (n, k)."""
         assert samples.time is not None
-        spline = evaluate_spline(samples.time, self.knots) - self.middle
+        spline = evaluate_spline(samples.time, self.knots)
+        spline -= self.middle
+        if self.bias_count == self.splines:
+            return spline
         parts = [spline, self._powers(samples, self.degree)]
         if self.sources:
             parts.append(_stack_sources(samples, self.sources) / self.spread)
