@@ -61,7 +61,7 @@ def follow_axes(axes: Array, moments: Moments, settling_s: float) -> Array:
     return np.concatenate(list(felt))
 
 
-def find_sensor_lean(
+def find_lean_errors(
     columns: Array,
     lean: Array,
     variance: Array,
@@ -69,22 +69,30 @@ def find_sensor_lean(
     around: Surroundings,
     attitude: Attitude,
     moments: Moments,
-) -> Array:
-    """The covariance (3, 3) of the lean of the tilt's sensor in body axes, by the dip, rad².
+) -> tuple[Array, float]:
+    """What a lean of the tilt's sensor in body axes, as the dip shows it, adds to the compass,
+    (N, 3), and by how far other errors of the tilt turn it, rad.
 
-    `columns` (N, k) are what errors of the calibration add to the compass, whose `variance` (N,) is
-    infinite where it tells nothing; `parts` the level and the vertical one of the field (n,).
+    An accelerometer's bias leans the vertical by ⟨R b⟩/g, which turns the field by as much across
+    times the tangent of the dip; a recorded tilt leans with the body. `columns` (N, k) are what
+    errors of the calibration add to the compass, whose `variance` (N,) is infinite where it tells
+    nothing; `parts` the level and the vertical one of the field (n,).
     """
     rows = moments.rows[moments.middle]
     level, below = (part[rows] for part in parts)
     _, off = around.compare(level, below, np.isfinite(level + below), rows)
-    steep = np.nanmedian(np.abs(parts[1] / np.maximum(parts[0], 1e-9)))
-    other = float(np.sqrt(np.mean((columns**2).sum(axis=1))) / np.hypot(1.0, steep))
+    usual = np.nanmedian(np.abs(parts[1] / np.maximum(parts[0], 1e-9)))
+    other = float(np.sqrt(np.mean((columns**2).sum(axis=1))) / np.hypot(1.0, usual))
     good = np.isfinite(variance) & np.isfinite(off)
     # how far it leans as stated or assumed, or as the dip shows
     stated = attitude.stated_sd or float(np.radians(RECORDED_SD_DEG))
     sd = min(float(np.sqrt(np.nanmedian(attitude.variance))), stated)
-    return find_lean_covariance(moments.time, off, lean[:, 0], good, sd, other)
+    covariance = find_lean_covariance(moments.time, off, lean[:, 0], good, sd, other)
+    steep = below / np.maximum(level, 1e-9)
+    across = np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1]
+    felt = float(np.nanmedian(attitude.variance)) - float(np.trace(covariance)) / 3.0
+    by_tilt = float(np.sqrt(max(felt, 0.0)) * np.nanmedian(np.abs(steep)))
+    return np.nan_to_num(across) @ np.linalg.cholesky(covariance), by_tilt
 
 
 def measure_disturbance(

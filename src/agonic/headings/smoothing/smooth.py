@@ -14,7 +14,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from agonic.arrays import Array, Mask
-from agonic.headings.compass_heading import pick_used
+from agonic.headings.attitude import Attitude
+from agonic.headings.compass_heading import Indication, pick_used
 from agonic.headings.expected_field import Surroundings
 from agonic.headings.maths.gyro_heading import GyroHeading, level_axes
 from agonic.headings.maths.offset import (
@@ -33,8 +34,7 @@ from agonic.headings.maths.offset import (
 from agonic.headings.maths.rest import NO_REST, Rest, find_rest, find_still
 from agonic.headings.rows import CompassRows, RowHeadings
 from agonic.headings.smoothing.errors import (
-    STEEPEST,
-    find_sensor_lean,
+    find_lean_errors,
     follow_axes,
     list_shared_errors,
     measure_disturbance,
@@ -88,33 +88,20 @@ def smooth_headings(
     moments = put_together(time, np.asarray(np.isfinite(level).all(axis=(1, 2))))
     if moments is None:
         return None
-    known, bias_sd = np.zeros(3), BIAS_SD
-    if attitude.gyro_bias is not None:  # a filter takes acceleration for noise, which lasts
-        known = attitude.gyro_bias
-        bias_sd = min(max(2.0 * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
+    known, bias_sd = _find_known_bias(attitude)
     carried = carry(time, rate - known, level, moments)
-    each = [(*one.indicated, _find_sound(one, time)) for one in by_row.compasses]
-    _, magnetic, random, _, horizontal, vertical, sound = (
-        pick_used(by_row.used, values) for values in zip(*each, strict=True)
-    )
-    sound = sound & np.isfinite(magnetic) & np.isfinite(random)
-    noise = np.radians(np.radians(random))
-    observed = _observe(np.radians(magnetic), sound, noise, carried, moments)
+    indicated, sound = _pick_compass(by_row, time)
+    parts = (indicated.horizontal, indicated.vertical)
+    observed = _observe(indicated, sound, carried, moments)
     if np.isfinite(observed.variance).sum() < FEWEST:
         return None
     rows = moments.rows[moments.middle]
     heading = carried.heading[moments.middle] + observed.offset
     columns, delay = list_shared_errors(by_row, rate, rows)
-    steep = vertical[rows] / np.maximum(horizontal[rows], 1e-9)
     lean = follow_axes(_turn(level[rows], heading), moments, settling_s)
-    parts = (horizontal, vertical)
-    found_lean = find_sensor_lean(
+    by_lean, by_tilt = find_lean_errors(
         columns, lean, observed.variance, parts, around, attitude, moments
     )
-    # an accelerometer's bias leans the vertical by ⟨R b⟩/g, which turns the field by as much across
-    # times the tangent of the dip; a recorded tilt leans with the body
-    across = np.clip(steep, -STEEPEST, STEEPEST)[:, None] * lean[:, 1]
-    by_lean = np.nan_to_num(across) @ np.linalg.cholesky(found_lean)
     # what errors that last do within that is not looked at: where a vehicle rocks, errors of the
     # tilt and of the model do the same
     shared = moments.smooth(np.nan_to_num(np.hstack([columns, by_lean])), 5.0)
@@ -122,16 +109,13 @@ def smooth_headings(
     observed = observed._replace(
         by_bias=observed.by_bias @ axes @ axes.T,
         by_shared=np.concatenate([shared, delay], axis=1),
-        field_size=np.sqrt(measure_disturbance(horizontal, vertical, sound, around, moments)),
+        field_size=np.sqrt(measure_disturbance(*parts, sound, around, moments)),
         bias_sd=bias_sd,
         # of the calibration only beside a tilt of our own, whose lasting errors are listed: those
         # of a recorded tilt last as the filter that made it pleases, and would be taken for them
         found=shared.shape[1] - 3 if attitude.source == "gyro" else GYRO,
         rest=_find_rest(time, rate - known, force, (heading, observed.variance), moments),
     )
-    # how far errors of the tilt turn the compass that no lean of a sensor makes, rad
-    felt = float(np.nanmedian(attitude.variance)) - float(np.trace(found_lean)) / 3.0
-    by_tilt = float(np.sqrt(max(felt, 0.0)) * np.nanmedian(np.abs(steep)))
     found = _estimate(observed, sizes, by_tilt)
     whole = np.full((2, n), np.nan)
     whole[0, moments.rows] = carried.heading + moments.interpolate(time, found.magnetic_deg)
@@ -143,6 +127,22 @@ def smooth_headings(
         GAIN_SD * found.gain,
         found.sizes,
     )
+
+
+def _find_known_bias(attitude: Attitude) -> tuple[Array, float]:
+    """What the tilt's filter found of the gyro's bias (3,), rad/s, and how far that may be off."""
+    if attitude.gyro_bias is None:
+        return np.zeros(3), BIAS_SD
+    # a filter takes acceleration for noise, which lasts
+    return attitude.gyro_bias, min(max(2.0 * attitude.gyro_bias_sd, LEAST_BIAS_SD), BIAS_SD)
+
+
+def _pick_compass(by_row: RowHeadings, time: Array) -> tuple[Indication, Mask]:
+    """What the compass that each row is taken from indicates, and whether the row is sound."""
+    each = [(*one.indicated, _find_sound(one, time)) for one in by_row.compasses]
+    *values, sound = (pick_used(by_row.used, one) for one in zip(*each, strict=True))
+    picked = Indication(*values)
+    return picked, sound & np.isfinite(picked.magnetic_deg) & np.isfinite(picked.random)
 
 
 def _find_rest(
@@ -177,13 +177,15 @@ def find_shown_axes(down: Array) -> Array:
 
 
 def _observe(
-    magnetic: Array, sound: Mask, random: Array, carried: GyroHeading, moments: Moments
+    indicated: Indication, sound: Mask, carried: GyroHeading, moments: Moments
 ) -> Observed:
     """Compass less gyro at each moment, followed through full turns; shared errors left out."""
     good = sound[moments.rows]
-    apart = np.where(good, magnetic[moments.rows], 0.0) - carried.heading
+    magnetic = np.radians(indicated.magnetic_deg[moments.rows])
+    random = np.radians(np.radians(indicated.random[moments.rows]))
+    apart = np.where(good, magnetic, 0.0) - carried.heading
     told = moments.add(good.astype(np.float64))
-    noise = moments.add(np.where(good, random[moments.rows], 0.0))
+    noise = moments.add(np.where(good, random, 0.0))
     total = moments.add(np.where(good, np.exp(1j * apart), 0.0))
     known = (told > 0) & (np.abs(total) > 0.5 * told)
     by_bias, by_gain = (moments.average(v) for v in (carried.by_bias, carried.by_gain))

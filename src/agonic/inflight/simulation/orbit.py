@@ -180,39 +180,30 @@ def simulate_orbit(
     outside_n = aboard.draw_external_n(rngs.external, time, way, external, correlation_s)
     track = Samples(field=np.zeros((n, 3)), time=time, epoch=epoch).with_columns(**way.columns)
     field_n = choose_model(float(decimal_year(epoch))).along(track).values + outside_n
-
     ground = _draw_ground(sensor, rngs.sensor, bias, thermal)
-    shift = moved * draw_directions(rngs.moved, 1)[0]
-    truth = replace(ground, bias=np.vstack([ground.bias[:1] + shift, ground.bias[1:]]))
-    moving = aboard.draw_drift(
-        rngs.drift, time, drift=drift, walk_nT_h=walk_nT_h, jump=jump, at=jump_at
-    )
+    truth = _move_bias(ground, moved * draw_directions(rngs.moved, 1)[0])
+    course = {"drift": drift, "walk_nT_h": walk_nT_h, "jump": jump, "at": jump_at}
+    moving = aboard.draw_drift(rngs.drift, time, **course)
     field_m = (rot_nb * rot_bm).apply(field_n, inverse=True)
     pulsed, on = aboard.draw_pulses(rngs.torquer, time, torquer, torquer_share)
-    dipole = pulsed * (0.2 / (torquer or 1.0))
     told = torquer > 0 and torquer_settling_s is not None
-    pulsed = aboard.settle(pulsed, time, torquer_settling_s or 0.0)
-    raw = _simulate_readings(truth, field_m, temperature) + moving + pulsed
+    raw = _simulate_readings(truth, field_m, temperature) + moving
+    raw = raw + aboard.settle(pulsed, time, torquer_settling_s or 0.0)
     raw = raw + noise * rngs.noise.standard_normal((n, 3))
-    scalar = np.linalg.norm(field_n, axis=1) + (scalar_sd or 0) * rngs.scalar.standard_normal(n)
     samples = Samples(
         field=np.round(raw / step) * step if step else raw,
         unit="nT",
         time=time,
         epoch=epoch,
         temperature=temperature,
-        scalar=None if scalar_sd is None else scalar,
+        scalar=_read_scalar(field_n, scalar_sd, rngs.scalar),
         flagged=on.astype(float) if torquer and not told else None,
-        disturbers=dict(zip(DIPOLES, dipole.T, strict=True)) if told else {},
+        disturbers=dict(zip(DIPOLES, pulsed.T * (0.2 / torquer), strict=True)) if told else {},
         notes=("simulated",),
     )
-    aside = dict(way.columns)
-    if attitude_sd_deg is not None:  # as a star camera gives it
-        turns = np.radians(attitude_sd_deg) * rngs.star.standard_normal((n, 3))
-        angles = angles_deg((rot_nb * Rotation.from_rotvec(turns)).as_matrix())
-        aside |= dict(zip(("roll_deg", "pitch_deg", "heading_deg"), angles, strict=True))
+    seen = _record_attitude(rot_nb, attitude_sd_deg, rngs.star)
     return SimulatedOrbit(
-        samples=samples.with_columns(**aside),
+        samples=samples.with_columns(**way.columns, **seen),
         ground=ground,
         truth=truth,
         bias=truth.bias_at(temperature) + moving,
@@ -270,6 +261,29 @@ def _draw_ground(
     )
     made = {name: getattr(drawn, name) for name in ("bias", "matrix", "centre_C", "half_range_C")}
     return Thermal(**made, validity=Validity(temperature_C=RANGE_C))
+
+
+def _move_bias(ground: Thermal, shift: Array) -> Thermal:
+    """The calibration with its bias moved by the same at all temperatures."""
+    return replace(ground, bias=np.vstack([ground.bias[:1] + shift, ground.bias[1:]]))
+
+
+def _read_scalar(field: Array, sd: float | None, rng: np.random.Generator) -> Array | None:
+    """What a scalar magnetometer of such noise reads; `None` without one."""
+    if sd is None:
+        return None
+    return np.asarray(np.linalg.norm(field, axis=1) + sd * rng.standard_normal(len(field)))
+
+
+def _record_attitude(
+    rot_nb: Rotation, sd_deg: float | None, rng: np.random.Generator
+) -> dict[str, Array]:
+    """The attitude as a star camera gives it, by the names of its columns; none without one."""
+    if sd_deg is None:
+        return {}
+    turns = np.radians(sd_deg) * rng.standard_normal((len(rot_nb), 3))
+    angles = angles_deg((rot_nb * Rotation.from_rotvec(turns)).as_matrix())
+    return dict(zip(("roll_deg", "pitch_deg", "heading_deg"), angles, strict=True))
 
 
 def _simulate_readings(truth: Thermal, field_m: Array, temperature: Array) -> Array:
