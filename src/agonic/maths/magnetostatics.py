@@ -17,23 +17,14 @@ NT_M_A = 100.0
 
 
 def dipole_tensor(r: Array) -> Array:
-    """T(r) = (3 r rᵀ − r² 1)/r⁵ of vectors (…, 3) from the dipole, m⁻³, as (…, 3, 3).
-
-    >>> dipole_tensor(np.array([0.0, 0.0, 2.0])).diagonal().tolist()
-    [-0.125, -0.125, 0.25]
-    """
+    """T(r) = (3 r rᵀ − r² 1)/r⁵ of vectors (…, 3) from the dipole, m⁻³, as (…, 3, 3)."""
     square = np.einsum("...i,...i->...", r, r)[..., None, None]
     outer = r[..., :, None] * r[..., None, :]
     return np.asarray((3.0 * outer - square * np.eye(3)) / square**2.5)
 
 
 def dipole_gradient(r: Array) -> Array:
-    """∂T_ij/∂r_k (…, 3, 3, 3), m⁻⁴: symmetric in all three, and without any trace.
-
-    >>> made = dipole_gradient(np.array([1.0, 2.0, 3.0]))
-    >>> bool(np.allclose(np.einsum("iik->k", made), 0)), bool(np.allclose(made, made.T))
-    (True, True)
-    """
+    """∂T_ij/∂r_k (…, 3, 3, 3), m⁻⁴: symmetric in all three, and without any trace."""
     square = np.einsum("...i,...i->...", r, r)[..., None, None, None]
     by_one = np.eye(3) * r[..., None, None]  # δ_jk r_i, its axes to be turned
     mixed = sum(np.moveaxis(by_one, -3, axis) for axis in (-3, -2, -1))
@@ -49,12 +40,7 @@ def wire_field(corners: Array, at: Array) -> Array:
         B = μ₀/4π (r₁ + r₂) (r₁ × r₂) / (r₁ r₂ (r₁ r₂ + r₁·r₂))
 
     Source: Hanson & Hirshman (2002), "Compact expressions for the Biot–Savart fields of a
-    filamentary segment", Physics of Plasmas 9, 4410; exact off the wire.
-
-    >>> long = np.array([[-1e3, 0.0, 0.0], [1e3, 0.0, 0.0]])
-    >>> wire_field(long, np.array([0.0, 2.0, 0.0])).round(3).tolist()  # 2 μ₀/4π I/ρ
-    [0.0, 0.0, 100.0]
-    """
+    filamentary segment", Physics of Plasmas 9, 4410; exact off the wire."""
     away = at[..., None, :] - corners
     size = np.linalg.norm(away, axis=-1)
     one, two, a, b = away[..., :-1, :], away[..., 1:, :], size[..., :-1], size[..., 1:]
@@ -66,12 +52,7 @@ def wire_field(corners: Array, at: Array) -> Array:
 def list_circle(centre: Array, axis: Array, radius: float, sides: int = 48) -> Array:
     """The corners (sides + 1, 3) of a closed polygon of the area of a circle, right-handed.
 
-    Its moment is that of the circle, and its field within 2 ‰ from half a radius off the wire.
-
-    >>> ring = list_circle(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.1)
-    >>> round(float(wire_field(ring, np.zeros(3))[2]))  # 2π μ₀/4π I/R
-    6283
-    """
+    Its moment is that of the circle, and its field within 2 ‰ from half a radius off the wire."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first = first / np.linalg.norm(first)
     second = np.cross(axis, first) / np.linalg.norm(axis)

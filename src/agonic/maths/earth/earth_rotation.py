@@ -26,11 +26,7 @@ _NODE_S = 21_600.0
 
 
 def tai_utc_s(unix_s: ArrayLike) -> Array:
-    """TAI − UTC, s: the leap seconds since 1972, from ERFA's list.
-
-    >>> tai_utc_s([63_072_000.0, 1_700_000_000.0]).tolist()
-    [10.0, 37.0]
-    """
+    """TAI − UTC, s: the leap seconds since 1972, from ERFA's list."""
     table = erfa.leap_seconds.get()
     table = table[table["year"] >= 1972]  # before, UTC ran at a rate of its own
     begins = [f"{row['year']:04d}-{row['month']:02d}-01" for row in table]
@@ -50,11 +46,7 @@ def rot_ei(
     Where there are more moments than nodes 6 h apart, X, Y and s are splined over the nodes.
 
     Source: ERFA's `c2t06a`, which this equals to 0.001 mas (Wallace & Capitaine, Astronomy and
-    Astrophysics 459, 2006).
-
-    >>> rot_ei([1_175_774_400.0], [-33.072073685], [1.693e-7], [2.343e-6])[0, 2].round(6).tolist()
-    [0.000712, 4.7e-05, 1.0]
-    """
+    Astrophysics 459, 2006)."""
     utc = np.atleast_1d(np.asarray(unix_s, dtype=np.float64))
     tai = utc + tai_utc_s(utc)
     x, y, s = spline_series(tai + TT_TAI_S, _intermediate_pole).T
@@ -88,11 +80,7 @@ def sidereal_rad(unix_s: ArrayLike) -> Array:
     """Greenwich mean sidereal time, radians 0…2π: by how much Earth-fixed axes are turned.
 
     67310.54841 s + (876600 h + 8640184.812866 s) T + 0.093104 s T² − 6.2e-6 s T³, with T in
-    centuries since 2000-01-01 12:00 UT1 (Aoki et al., Astronomy and Astrophysics 105, 1982).
-
-    >>> float(np.degrees(sidereal_rad(946_728_000.0)).round(4))
-    280.4606
-    """
+    centuries since 2000-01-01 12:00 UT1 (Aoki et al., Astronomy and Astrophysics 105, 1982)."""
     days = (np.asarray(unix_s, dtype=np.float64) - _J2000_UNIX_S) / DAY_S
     t = days / _CENTURY_DAYS
     # 876600 h a century is one turn a day: whole turns are taken off before digits are lost
@@ -104,11 +92,7 @@ def rotate_about_third(vectors: Array, angle_rad: ArrayLike) -> Array:
     """Vectors (3, n) in axes that are turned about the third by an angle (n,).
 
     Inertial vectors of date become Earth-fixed with the sidereal time (of TEME and the mean
-    equinox alike, to arcseconds), Earth-fixed ones inertial with its negative.
-
-    >>> rotate_about_third(np.array([[1.0], [0.0], [5.0]]), [np.pi / 2]).round(9).ravel().tolist()
-    [0.0, -1.0, 5.0]
-    """
+    equinox alike, to arcseconds), Earth-fixed ones inertial with its negative."""
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     x, y, z = vectors
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, np.broadcast_to(z, x.shape)])
@@ -118,10 +102,6 @@ def sun_i(unix_s: ArrayLike) -> Array:
     """The direction of the Sun from the Earth (3, n), mean equator and equinox of date.
 
     Good to 0.01° from 1950 to 2050 (The Astronomical Almanac, section C, low-precision formulas).
-
-    >>> at_equinox = sun_i([1_742_461_260.0])  # 2025-03-20 09:01 UTC
-    >>> bool(np.abs(at_equinox.ravel() - [1.0, 0.0, 0.0]).max() < 2e-4)
-    True
     """
     days = (np.asarray(unix_s, dtype=np.float64) - _J2000_UNIX_S) / DAY_S
     anomaly = np.radians(357.528 + 0.9856003 * days)
@@ -133,12 +113,7 @@ def sun_i(unix_s: ArrayLike) -> Array:
 
 
 def is_in_shadow(position_i: Array, sun_i: Array, radius_m: float) -> Mask:
-    """Whether positions (3, n), m, lie in the cylinder of shadow behind a globe of that radius.
-
-    >>> behind = np.array([[-7e6, -7e6, 7e6], [0.0, 6.5e6, 0.0], [0.0, 0.0, 0.0]])
-    >>> is_in_shadow(behind, np.array([[1.0], [0.0], [0.0]]), 6.4e6).tolist()
-    [True, False, False]
-    """
+    """Whether positions (3, n), m, lie in the cylinder of shadow behind a globe of that radius."""
     along = (position_i * sun_i).sum(axis=0)
     across2 = (position_i**2).sum(axis=0) - along**2
     return np.asarray((along < 0) & (across2 < radius_m**2))

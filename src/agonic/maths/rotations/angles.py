@@ -10,20 +10,12 @@ from agonic.maths.one_pass import find_length
 
 
 def wrap_deg(angle_deg: ArrayLike) -> Array:
-    """Angles brought to −180…180, 180 itself left out.
-
-    >>> wrap_deg([350.0, -190.0, 10.0]).tolist()
-    [-10.0, 170.0, 10.0]
-    """
+    """Angles brought to −180…180, 180 itself left out."""
     return np.asarray((np.asarray(angle_deg, dtype=np.float64) + 180.0) % 360.0 - 180.0)
 
 
 def angle_deg(a: Array, b: Array) -> Array:
-    """The angle between vectors (…, 3), degrees; exact for small angles (Kahan's formula).
-
-    >>> float(angle_deg(np.array([1.0, 0, 0]), np.array([0.0, 2.0, 0])))
-    90.0
-    """
+    """The angle between vectors (…, 3), degrees; exact for small angles (Kahan's formula)."""
     a_long, b_long = a * find_length(b)[..., None], b * find_length(a)[..., None]
     half = np.arctan2(find_length(a_long - b_long), find_length(a_long + b_long))
     return np.asarray(np.degrees(2 * half))

@@ -16,20 +16,12 @@ ARCSEC_RAD = np.pi / 180 / 3600
 
 
 def r2(angle_rad: ArrayLike) -> Array:
-    """R2(v) = [[c, 0, −s], [0, 1, 0], [s, 0, c]], (…, 3, 3).
-
-    >>> (r2(np.pi / 2) @ [0.0, 0.0, 1.0] + 0).round(12).tolist()
-    [-1.0, 0.0, 0.0]
-    """
+    """R2(v) = [[c, 0, −s], [0, 1, 0], [s, 0, c]], (…, 3, 3)."""
     return _about(1, angle_rad)
 
 
 def r3(angle_rad: ArrayLike) -> Array:
-    """R3(v) = [[c, s, 0], [−s, c, 0], [0, 0, 1]], (…, 3, 3).
-
-    >>> (r3(np.pi / 2) @ [1.0, 0.0, 0.0] + 0).round(12).tolist()
-    [0.0, -1.0, 0.0]
-    """
+    """R3(v) = [[c, s, 0], [−s, c, 0], [0, 0, 1]], (…, 3, 3)."""
     return _about(2, angle_rad)
 
 
@@ -48,11 +40,7 @@ def rot_en(latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> Array:
     """R3(−Λ) R2(90° + Φ): north-east-down components at a site into Earth-fixed ones.
 
     Φ and Λ are where the plumb line points, the astronomical latitude and longitude (east
-    positive); with geodetic ones down is square to the ellipsoid instead.
-
-    >>> rot_en(0.0, 90.0).round(12) @ [0.0, 1.0, 0.0]  # east at longitude 90°
-    array([-1.,  0.,  0.])
-    """
+    positive); with geodetic ones down is square to the ellipsoid instead."""
     return r3(-np.radians(longitude_deg)) @ r2(np.radians(90.0 + np.asarray(latitude_deg)))
 
 
@@ -60,11 +48,7 @@ def rot_ci(ra_deg: ArrayLike, dec_deg: ArrayLike, rot_deg: ArrayLike) -> Array:
     """R3(Rot) R2(90° − Dec) R3(Ra): inertial components into those of a star sensor.
 
     The third row is the boresight. With Rot = 0 the first axis points south, to decreasing
-    declination.
-
-    >>> rot_ci(90.0, 0.0, 0.0)[2].round(12)
-    array([0., 1., 0.])
-    """
+    declination."""
     return from_323_deg(ra_deg, 90.0 - np.asarray(dec_deg), rot_deg)
 
 
@@ -72,11 +56,7 @@ def rot_cn(azimuth_deg: ArrayLike, elevation_deg: ArrayLike, roll_deg: ArrayLike
     """North-east-down components into those of a star sensor that looks at a place in the sky.
 
     R3(roll) R2(90° − elevation) R3(−azimuth) after north-west-up: as `rot_ci` with the horizon for
-    the equator, so with roll 0 the first axis points to the horizon below.
-
-    >>> rot_cn(90.0, 0.0, 0.0)[2].round(12) + 0  # looks east
-    array([0., 1., 0.])
-    """
+    the equator, so with roll 0 the first axis points to the horizon below."""
     to_nwu = np.diag([1.0, -1.0, -1.0])
     return (
         from_323_deg(-np.asarray(azimuth_deg), 90.0 - np.asarray(elevation_deg), roll_deg) @ to_nwu
@@ -91,11 +71,7 @@ def from_323_deg(alpha: ArrayLike, beta: ArrayLike, gamma: ArrayLike) -> Array:
 def angles_323_deg(matrix: Array) -> Array:
     """α, β, γ (…, 3) of R3(γ) R2(β) R3(α), degrees, β from 0 to 180.
 
-    With β = 0 or 180° only α + γ or α − γ means anything; γ is 0 there.
-
-    >>> angles_323_deg(from_323_deg(10.0, 20.0, -30.0)).round(9).tolist()
-    [10.0, 20.0, -30.0]
-    """
+    With β = 0 or 180° only α + γ or α − γ means anything; γ is 0 there."""
     level = np.hypot(matrix[..., 2, 0], matrix[..., 2, 1])
     pole = level < 1e-12
     alpha = np.where(
@@ -112,11 +88,7 @@ def angles_232_deg(matrix: Array) -> Array:
     """χ, ζ, η (…, 3) of R2(η) R3(ζ) R2(χ), degrees, η from −90 to 90.
 
     R3(−Λ) R2(90° + Φ) has χ = 90° + Φ, ζ = −Λ and η = 0. With ζ = 0 or 180° only χ + η or χ − η
-    means anything; η is 0 there.
-
-    >>> angles_232_deg(rot_en(50.0, -10.0)).round(9).tolist()
-    [140.0, 10.0, 0.0]
-    """
+    means anything; η is 0 there."""
     level = np.hypot(matrix[..., 1, 0], matrix[..., 1, 2])
     eta = np.arctan2(matrix[..., 2, 1], matrix[..., 0, 1])
     side = np.where(np.cos(eta) < 0, -1.0, 1.0)  # of the two triples the one with the smaller η

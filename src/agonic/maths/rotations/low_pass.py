@@ -25,25 +25,14 @@ BLIND = 3.0
 
 
 def low_pass(values: Array, step: float, settling_s: float) -> Array:
-    """What lasts of even columns (n, …): Butterworth of second order, forwards and backwards.
-
-    >>> low_pass(np.array([1.0, 1.0, 1.0, 1.0]), 0.1, 1.0).round(9).tolist()
-    [1.0, 1.0, 1.0, 1.0]
-    """
+    """What lasts of even columns (n, …): Butterworth of second order, forwards and backwards."""
     length = min(len(values) - 1, round(BLIND * settling_s / step))
     more = np.concatenate([values[length:0:-1], values, values[-2 : -length - 2 : -1]])
     return filter_both_ways(more, step, settling_s)[length : length + len(values)]
 
 
 def filter_both_ways(values: Array, step: float, settling_s: float) -> Array:
-    """The same without any values beyond the ends, where the filter is at rest.
-
-    >>> from scipy.signal import butter, sosfiltfilt
-    >>> values = np.sin(np.arange(100.0) ** 1.5)
-    >>> sos = butter(2, 2 * find_corner_Hz(0.5) * 0.1, output="sos")
-    >>> bool(np.allclose(filter_both_ways(values, 0.1, 0.5), sosfiltfilt(sos, values, padlen=0)))
-    True
-    """
+    """The same without any values beyond the ends, where the filter is at rest."""
     corner = np.tan(np.pi / 2 * min(2 * find_corner_Hz(settling_s) * step, 0.99))
     for _ in range(2):
         values = _filter(values, corner)[::-1]
@@ -107,12 +96,7 @@ def find_passed(step: float, settling_s: float) -> float:
 
 
 def measure_rate_variance(rate: Array) -> float:
-    """The variance of a gyro's noise (n, 3), by third differences: motion is smooth, noise is not.
-
-    >>> noise = np.random.default_rng(0).normal(size=(4000, 3))
-    >>> round(measure_rate_variance(noise), 1)
-    1.0
-    """
+    """The variance of a gyro's noise (n, 3), by third differences: motion is smooth, noise not."""
     if len(rate) < 4:
         return LEAST_RATE_VARIANCE
     jerk = np.diff(rate, n=3, axis=0)

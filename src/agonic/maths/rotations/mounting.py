@@ -12,11 +12,7 @@ from agonic.arrays import Array
 
 @cache
 def right_angles() -> Array:
-    """The 24 rotations that take axes to axes, (24, 3, 3); the first is the identity.
-
-    >>> len(right_angles()), right_angles()[0].tolist()
-    (24, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    """
+    """The 24 rotations that take axes to axes, (24, 3, 3); the first is the identity."""
     turns = [
         np.eye(3)[list(order)] * np.array(signs)[:, None]
         for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3))
@@ -72,25 +68,14 @@ def vertical_misfit(
 
 
 def describe_mounting(turn: Array) -> str:
-    """What the axes of the sensor are in the vehicle.
-
-    >>> describe_mounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
-    'x points right, y backward, z down'
-    """
+    """What the axes of the sensor are in the vehicle."""
     names = (("backward", "forward"), ("left", "right"), ("up", "down"))
     along = [names[int(np.argmax(np.abs(axis)))][int(axis.sum() > 0)] for axis in turn.T]
     return f"x points {along[0]}, y {along[1]}, z {along[2]}"
 
 
 def describe_turn(turn: Array) -> str:
-    """How a sensor sits, by words where its axes lie along those of the vehicle, else by angles.
-
-    >>> describe_turn(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
-    'mounted so that x points right, y backward, z down'
-    >>> from scipy.spatial.transform import Rotation
-    >>> describe_turn(Rotation.from_euler("ZYX", [30.0, -5.0, 0.0], degrees=True).as_matrix())
-    'turned in the vehicle (roll 0.0°, pitch −5.0°, yaw 30.0°)'
-    """
+    """How a sensor sits, by words where its axes lie along those of the vehicle, else by angles."""
     from scipy.spatial.transform import Rotation  # here, so that what only reads loads no SciPy
 
     if np.abs(turn - np.rint(turn)).max() < 1e-9:
@@ -102,15 +87,7 @@ def describe_turn(turn: Array) -> str:
 
 
 def describe_renaming(turn: Array) -> str:
-    """What is wrong with the names of axes that a turn, proper or not, puts right.
-
-    >>> describe_renaming(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]]))
-    'x and y are exchanged'
-    >>> describe_renaming(np.diag([1.0, -1, 1]))
-    'y is reversed'
-    >>> describe_renaming(np.array([[0.0, 0, 1], [-1, 0, 0], [0, 1, 0]]))
-    'what is called x, y, z lies along −y, z, x'
-    """
+    """What is wrong with the names of axes that a turn, proper or not, puts right."""
     along = np.argmax(np.abs(turn), axis=0)
     reversed_ = [int(i) for i in np.flatnonzero(turn.sum(axis=0) < 0)]
     moved = [int(i) for i in np.flatnonzero(along != np.arange(3))]

@@ -41,12 +41,7 @@ class RotationPart(NamedTuple):
 def split_rotation(
     matrix: Array, covariance: Array | None, gauge: str
 ) -> tuple[Array, RotationPart]:
-    """S (six entries) of a matrix, and the rest; the covariance is that of the gauge's parameters.
-
-    >>> six, rest = split_rotation(2 * np.eye(3), None, "symmetric")
-    >>> six.tolist(), np.allclose(rest.rotation, np.eye(3))
-    ([2.0, 2.0, 2.0, 0.0, 0.0, 0.0], True)
-    """
+    """S (six entries) of a matrix, and the rest; covariance: that of the gauge's parameters."""
     rotation, symmetric = polar(matrix)
     whole = np.zeros((12, 12))
     if covariance is not None:

@@ -8,11 +8,7 @@ from agonic.arrays import Array
 
 
 def skew(vector: Array) -> Array:
-    """The skew-symmetric matrix [v]× with [v]× w = v × w, (…, 3, 3) of vectors (…, 3).
-
-    >>> skew(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]
-    array([0., 0., 1.])
-    """
+    """The skew-symmetric matrix [v]× with [v]× w = v × w, (…, 3, 3) of vectors (…, 3)."""
     x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
     matrix = np.zeros((*x.shape, 3, 3))
     matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = x, y, z
@@ -26,11 +22,7 @@ def find_best_rotation(start: Array, end: Array, weights: Array | None = None) -
     (…, n, 3) vectors before and after; weights (n,) of the pairs, 1 without.
 
     Source: Kabsch, Acta Crystallographica A32, 1976; Markley, Journal of the Astronautical
-    Sciences 36, 1988.
-
-    >>> find_best_rotation(np.eye(3), np.roll(np.eye(3), 1, axis=1)).round(9).tolist()
-    [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    """
+    Sciences 36, 1988."""
     weighted = end if weights is None else end * weights[:, None]
     u, _, vt = np.linalg.svd(np.swapaxes(weighted, -1, -2) @ start)
     u[..., 2] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[..., None]
@@ -40,12 +32,7 @@ def find_best_rotation(start: Array, end: Array, weights: Array | None = None) -
 def find_smallest_rotation(start: Array, end: Array) -> Array:
     """The smallest rotation (…, 3, 3), active, that turns unit vectors start (…, 3) into end.
 
-    1 + [w]× + [w]×²/(1 + a·b) with w = a × b; not determined for opposite vectors.
-
-    >>> turn = find_smallest_rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
-    >>> turn @ [0.0, 1.0, 0.0]
-    array([-1.,  0.,  0.])
-    """
+    1 + [w]× + [w]×²/(1 + a·b) with w = a × b; not determined for opposite vectors."""
     across = skew(np.cross(start, end))
     along = np.maximum((start * end).sum(axis=-1), -1 + 1e-9)[..., None, None]
     return np.asarray(np.eye(3) + across + across @ across / (1.0 + along))
