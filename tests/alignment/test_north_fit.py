@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agonic.alignment.maths import di_flux as kernel
+from agonic.alignment.north import di_flux as kernel
 from agonic.alignment.north.di_flux import fit_di_flux
 from agonic.alignment.north.fit import fit_north
 from agonic.alignment.session.laboratory import NorthSession, Sighting

@@ -119,43 +119,6 @@ FINDINGS: Mapping[str, Words] = {
         "were read at one moment of it, and the standard error was enlarged by the same amount",
         "wait after each turn until the readings rest, and clamp the platform",
     ),
-    # fluxgate theodolite
-    "no mark": Words(
-        "the sheet has no azimuth of the mark, so the declination is not determined",
-        "give Abs-AzimuthMark",
-        NOTE,
-    ),
-    "mark read once": Words(
-        "all readings of the mark are equal, so their error is not known and not included in that "
-        "of the declination",
-        "read it in both faces before and after",
-        NOTE,
-    ),
-    "off the meridian": Words(
-        "the inclination was taken {off}° off the magnetic meridian; this is corrected",
-        "check the circle's readings there",
-        NOTE,
-        limit=0.1,  # degrees
-    ),
-    "no scale": Words(
-        "neither the total field nor a reading of known tilt gives the scale of the fluxgate",
-        "give --field",
-    ),
-    "reads backwards": Words(
-        "the fluxgate reads less where the field along it is larger: its sign is reversed, or the "
-        "first setting of the inclination does not look north and the field dips the other way",
-        "look for settings that were exchanged",
-    ),
-    "settings disagree": Words(
-        "the settings disagree by {by}″ of the field's direction",
-        "look for a misread circle, iron on the observer or a disturbed field",
-        limit=10.0,  # arcseconds
-    ),
-    "collimation": Words(
-        "the fluxgate is {off}° from the telescope",
-        "adjust it; errors of second order are not small",
-        limit=1.0,  # degrees
-    ),
     # coil
     "one polarity": Words(
         "the current never changes its sign, so its steady errors do not cancel",

@@ -1,27 +1,64 @@
-"""`fit_di_flux`: declination, inclination and the errors of a fluxgate theodolite from a sheet."""
+"""`fit_di_flux`: declination, inclination and the errors of a fluxgate theodolite from a sheet.
+
+At the horizontal reading h and the zenith reading v the telescope points along t, with A = h − h₀
+the azimuth from the magnetic meridian at h₀; q is square to it along the trunnion axis and p where
+v goes on to:
+
+    t = (sin v cos A, sin v sin A, −cos v)   q = (−sin A, cos A, 0)
+    p = (cos v cos A, cos v sin A, sin v)
+
+The fluxgate lies along t + δ q + ε p with small collimation errors δ and ε, and has an offset S₀;
+in the field F (cos I, 0, sin I) it reads
+
+    S = F [cos I (sin v cos A − δ sin A + ε cos v cos A) + sin I (ε sin v − cos v)] + S₀.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from agonic.alignment.findings import report, report_above
-from agonic.alignment.maths import di_flux as kernel
-from agonic.alignment.maths.di_flux import LEAST_RAD, NAMES, Settings, SheetEstimate
+from agonic.alignment.maths.columns import average, find_rows
 from agonic.alignment.maths.north import Pointing, average_faces
 from agonic.alignment.session.laboratory import DiSheet
-from agonic.arrays import Mask
+from agonic.arrays import Array, Mask
 from agonic.errors import CoverageError
 from agonic.health import Finding, Judged, figure
+from agonic.health.finding import Fact, Limit, Told, find_facts
+from agonic.maths.estimation import leastsq
+from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Shown
 
+NAMES = ("meridian", "inclination", "delta", "epsilon", "offset", "scale")
+"""Unknowns: h₀, I, δ, ε in radians, S₀/F, and F in the unit of the readings."""
+LEAST_RAD = ARCSEC_RAD
+"""What a circle is read to: few residuals may be smaller by chance."""
 LEVEL_SIN = 0.99999  # the telescope is level to 0.26°: a setting for the declination
 METHOD = ("brunke-matzka-2018",)
+
+
+class Settings(NamedTuple):
+    """Readings of both circles, (n,) radians, and of the fluxgate, (n,). Where `from_meridian` is
+    set the horizontal reading counts from the magnetic meridian itself."""
+
+    horizontal: Array
+    zenith: Array
+    reading: Array
+    from_meridian: Mask
+
+
+class SheetEstimate(NamedTuple):
+    """The unknowns (6,) with covariance, residuals (n,) in the unit of the readings, freedom."""
+
+    params: Array
+    covariance: Array
+    residuals: Array
+    freedom: int
+    noise: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,7 +147,9 @@ def fit_di_flux(sheet: DiSheet, *, magnitude: float | None = None) -> DiFluxFit:
     if (turned := fit.declination_deg) is not None:
         declined = f"declination {turned:.4f}° ± {figure(fit.declination_sd_arcsec)}″"
         remarks = (declined, inclined)
-    return replace(fit, findings=tuple(_examine(fit, at)), remarks=(*remarks, *sheet.notes))
+    return replace(
+        fit, findings=tuple(find_facts(FACTS, fit, at)), remarks=(*remarks, *sheet.notes)
+    )
 
 
 def _derive(sheet: DiSheet, found: SheetEstimate, mark: Pointing) -> dict[str, Any]:
@@ -152,23 +191,93 @@ def _mark(sheet: DiSheet) -> Pointing:
     return read._replace(sd_deg=max(read.sd_deg, np.degrees(LEAST_RAD) / np.sqrt(len(each))))
 
 
-def _examine(fit: DiFluxFit, at: Settings) -> Iterator[Finding]:
-    """The findings of a sheet, in the order of its parts: mark, meridian, scale, scatter. The field
-    turned round with a fluxgate turned round reads the same at all settings."""
-    if fit.sheet.mark_azimuth_deg is None:
-        yield report("no mark")
-    elif not np.isfinite(fit.mark.sd_deg):
-        yield report("mark read once")
+def _find_off_meridian(fit: DiFluxFit, at: Settings) -> Told:
     sides = at.horizontal[~at.from_meridian & (np.abs(np.sin(at.zenith)) <= LEVEL_SIN)]
-    off = np.abs(wrap_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2).max(initial=0.0)
-    yield from report_above("off the meridian", off, off=off)
-    if not fit.scaled and np.abs(fit.sheet.reading).max() > 0:
-        yield report("no scale")
-    if fit.scale <= 0:
-        yield report("reads backwards")
-    yield from report_above("settings disagree", fit.noise_arcsec, by=fit.noise_arcsec)
-    worst = max(np.abs(fit.collimation_arcsec)) / 3600.0
-    yield from report_above("collimation", worst, off=worst)
+    off = np.abs(wrap_deg(2 * (np.degrees(sides) - fit.meridian_deg)) / 2)
+    return float(off.max(initial=0.0))
+
+
+FACTS = (
+    Fact(
+        "no mark",
+        lambda fit, at: {} if fit.sheet.mark_azimuth_deg is None else None,
+        "note",
+        "the sheet has no azimuth of the mark, so the declination is not determined",
+        "give Abs-AzimuthMark",
+    ),
+    Fact(
+        "mark read once",
+        lambda fit, at: (
+            None if np.isfinite(fit.mark.sd_deg) or fit.sheet.mark_azimuth_deg is None else {}
+        ),
+        "note",
+        "all readings of the mark are equal, so their error is not known and not included in that "
+        "of the declination",
+        "read it in both faces before and after",
+    ),
+    Fact(
+        "off the meridian",
+        _find_off_meridian,
+        Limit(note=0.1),  # degrees
+        "the inclination was taken {value}° off the magnetic meridian; this is corrected",
+        "check the circle's readings there",
+    ),
+    Fact(
+        "no scale",
+        lambda fit, at: {} if not fit.scaled and np.abs(fit.sheet.reading).max() > 0 else None,
+        "check",
+        "neither the total field nor a reading of known tilt gives the scale of the fluxgate",
+        "give --field",
+    ),
+    Fact(
+        "reads backwards",
+        # the field turned round with a fluxgate turned round reads the same at all settings
+        lambda fit, at: {} if fit.scale <= 0 else None,
+        "check",
+        "the fluxgate reads less where the field along it is larger: its sign is reversed, or the "
+        "first setting of the inclination does not look north and the field dips the other way",
+        "look for settings that were exchanged",
+    ),
+    Fact(
+        "settings disagree",
+        lambda fit, at: fit.noise_arcsec,
+        Limit(check=10.0),  # arcseconds
+        "the settings disagree by {value}″ of the field's direction",
+        "look for a misread circle, iron on the observer or a disturbed field",
+    ),
+    Fact(
+        "collimation",
+        lambda fit, at: max(np.abs(fit.collimation_arcsec)) / 3600.0,
+        Limit(check=1.0),  # degrees
+        "the fluxgate is {value}° from the telescope",
+        "adjust it; errors of second order are not small",
+    ),
+)
+"""What is said of a sheet, in the order of its parts: mark, meridian, scale, scatter."""
+
+
+def predict(params: Array, at: Settings) -> tuple[Array, Array]:
+    """What the fluxgate reads, (n,), and the Jacobian (n, 6)."""
+    meridian, inclination, delta, epsilon, offset, scale = params
+    azimuth = at.horizontal - np.where(at.from_meridian, 0.0, meridian)
+    ca, sa = np.cos(azimuth), np.sin(azimuth)
+    cv, sv = np.cos(at.zenith), np.sin(at.zenith)
+    ci, si = np.cos(inclination), np.sin(inclination)
+    level, upright = sv * ca - delta * sa + epsilon * cv * ca, epsilon * sv - cv
+    sighted = ci * level + si * upright + offset
+    by_azimuth = ci * (-sv * sa - delta * ca - epsilon * cv * sa)
+    jacobian = scale * np.stack(
+        [
+            np.where(at.from_meridian, 0.0, -by_azimuth),
+            ci * upright - si * level,
+            -ci * sa,
+            ci * cv * ca + si * sv,
+            np.ones_like(sa),
+            sighted / scale,
+        ],
+        axis=1,
+    )
+    return scale * sighted, jacobian
 
 
 def estimate_sheet(
@@ -192,7 +301,7 @@ def estimate_sheet(
         azimuth = at.horizontal - np.where(at.from_meridian, 0.0, meridian)
         inclination = np.arctan(np.tan(at.zenith[~flat]) * np.cos(azimuth[~flat]))
         start = np.array([meridian, float(np.median(inclination)), 0.0, 0.0, 0.0, scale])
-        tried.append((kernel.estimate(at, start, sheet.setting, scale_known=not measured), at))
+        tried.append((_solve(sheet, at, start, scale_known=not measured), at))
     return min(tried, key=lambda both: abs(both[0].noise / both[0].params[-1]))
 
 
@@ -231,3 +340,34 @@ def _nominal(sheet: DiSheet, meridian: float) -> Mask:
 def level(sheet: DiSheet) -> Mask:
     """The settings with the telescope level, for the declination."""
     return np.abs(np.sin(np.radians(sheet.zenith_deg))) > LEVEL_SIN
+
+
+def _solve(sheet: DiSheet, at: Settings, start: Array, *, scale_known: bool) -> SheetEstimate:
+    """The unknowns of settings that repeat, by least squares. Readings of one setting
+    share what the circle was set wrong by, so the noise follows from the means of the groups: their
+    misfit over the settings less the unknowns, 1″ at least. The covariance is widened by Student's
+    t: the usual eight settings leave three for the noise."""
+    free = np.ones(len(NAMES), dtype=bool)
+    free[-1] = not scale_known
+    unit = start[-1]
+
+    def pieces(step: Array) -> list[tuple[Array, Array]]:
+        params = start.copy()
+        params[free] += step
+        values, jacobian = predict(params, mean)
+        return [((values - mean.reading) / unit, jacobian[:, free] / unit)]
+
+    # circles and fluxgate move by so little within a setting that means are exact
+    rows = find_rows(sheet.setting, np.unique(sheet.setting))
+    horizontal, zenith, reading = (average(column, rows) for column in at[:3])
+    mean = Settings(horizontal, zenith, reading, at.from_meridian[[own[0] for own in rows]])
+    solution = leastsq.solve(pieces, np.zeros(int(free.sum())), scale=LEAST_RAD, tolerance=1e-8)
+    params = start.copy()
+    params[free] += solution.params
+    left = solution.residuals
+    freedom = len(left) - int(free.sum())
+    noise = float(np.sqrt(left @ left / freedom)) if freedom > 0 else float("nan")
+    covariance = np.zeros((len(NAMES), len(NAMES)))
+    wide = (max(noise / LEAST_RAD, 1.0) * compute_widening(freedom)) ** 2
+    covariance[np.ix_(free, free)] = wide * leastsq.inverse(solution.information)
+    return SheetEstimate(params, covariance, left * unit, freedom, noise * unit)

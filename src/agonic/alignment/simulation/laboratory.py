@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import newton
 from scipy.spatial.transform import Rotation, Slerp
 
-from agonic.alignment.maths import di_flux as kernel
 from agonic.alignment.maths.north import evaluate_swing_deg
+from agonic.alignment.north import di_flux as kernel
 from agonic.alignment.session.laboratory import (
     Attitude,
     CoilSession,
