@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.alignment.coil import fit_coil
+from agonic.alignment.coil.fit import fit_coil
 from agonic.alignment.simulation.laboratory import simulate_coil
 from agonic.calibration.retraining import RetrainerParams
 from agonic.inflight.simulation.orbit import simulate_orbit

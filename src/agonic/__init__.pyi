@@ -86,7 +86,7 @@ from agonic.version import __version__ as __version__
 
 # isort: split
 # Not listed: at home in a group, and here too, so that fits and exports are found by their verb.
-from agonic.alignment.coil import fit_coil as fit_coil
+from agonic.alignment.coil.fit import fit_coil as fit_coil
 from agonic.alignment.gravity import fit_gravity as fit_gravity
 from agonic.alignment.north.di_flux import fit_di_flux as fit_di_flux
 from agonic.alignment.north.fit import fit_north as fit_north

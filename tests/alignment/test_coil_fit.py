@@ -7,7 +7,7 @@ import erfa
 import numpy as np
 import pytest
 
-from agonic.alignment.coil import fit_coil
+from agonic.alignment.coil.fit import fit_coil
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.simulation.laboratory import simulate_coil
 from agonic.errors import AgonicError, CoverageError

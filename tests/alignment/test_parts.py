@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.direction.compute import interpolate_attitudes
-from agonic.alignment.document import format_angle
+from agonic.alignment.document import format_angle, write_by_axis
 from agonic.alignment.figures import (
     draw_axes,
     draw_dome,
@@ -12,7 +12,6 @@ from agonic.alignment.figures import (
     draw_settings,
     place_apart,
 )
-from agonic.alignment.findings import report, write_by_axis
 from agonic.alignment.maths.columns import (
     average_stretches,
     find_rows,
@@ -29,14 +28,12 @@ from agonic.alignment.maths.north import (
 from agonic.alignment.north.fit import Drift
 from agonic.alignment.north.platform import find_settling_chance
 from agonic.alignment.session.earth import load_earth_rotation
-from agonic.alignment.star_sensor.fit import write_additions
+from agonic.alignment.star_sensor.evidence import write_additions
 
 TWELVE = [np.array([k]) for k in range(12)]
 
 
-def test_findings_are_written_with_two_digits() -> None:
-    found = report("turn loose", axis="all axes", sd=1.2345)
-    assert found.what == "the standard error of the turn about all axes is 1.2°"
+def test_errors_are_written_with_two_digits() -> None:
     assert write_by_axis([1.0, 2.0, 3.25], "°", ", ") == "x 1.0°, y 2.0°, z 3.2°"
     assert format_angle(12.5, 3.0) == "12.50000° ± 3.0″"
     assert format_angle(12.5, np.nan) == "12.50000°"

@@ -3,8 +3,8 @@
 The public names of this wing, a line each; see `agonic.public`.
 """
 
-from agonic.alignment.coil import CoilFit as CoilFit
-from agonic.alignment.coil import fit_coil as fit_coil
+from agonic.alignment.coil.fit import fit_coil as fit_coil
+from agonic.alignment.coil.result import CoilFit as CoilFit
 from agonic.alignment.direction.compute import field_direction as field_direction
 from agonic.alignment.direction.follow import Follower as Follower
 from agonic.alignment.direction.follow import follow_direction as follow_direction

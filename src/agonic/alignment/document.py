@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from agonic.alignment.coil import METHOD, CoilFit, Direction, Level
+from agonic.alignment.coil.result import METHOD, CoilFit, Direction, Level
 from agonic.alignment.figures import (
     draw_residuals,
     draw_series,
     draw_settings,
 )
-from agonic.alignment.findings import write_by_axis
 from agonic.alignment.gravity import GravityFit
 from agonic.alignment.maths.columns import average, find_rows
 from agonic.alignment.maths.north import Swing, evaluate_swing_deg
@@ -201,6 +200,13 @@ def describe_north(fit: NorthFit) -> Document:
         entries=_list_north(fit),
         sections=[] if fit.verdict == "refused" else sections,
         values={"method": fit.method},
+    )
+
+
+def write_by_axis(sds: Iterable[float], unit: str = "″", between: str = "   ") -> str:
+    """Standard errors (3,) about the axes x, y and z."""
+    return between.join(
+        f"{a} {significant(float(sd), 2)}{unit}" for a, sd in zip("xyz", sds, strict=True)
     )
 
 

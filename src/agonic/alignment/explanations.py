@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from agonic.alignment.findings import report
 from agonic.alignment.maths.two_frames import (
     GROUPS,
     Solution,
@@ -23,7 +22,7 @@ from agonic.alignment.maths.two_frames import (
 from agonic.alignment.session.earth import ARCSEC_PER_S
 from agonic.alignment.session.session import Site
 from agonic.arrays import Array
-from agonic.health import Finding, figure
+from agonic.health import figure
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
@@ -99,17 +98,13 @@ def choose_explanations(found: Iterable[Explanation], now: float) -> list[Explan
     return [one for one in order if one.left <= min(1.5 * order[0].left, now / 2)]
 
 
-def report_misfit(
-    name: str, seen: str, found: Sequence[Explanation], otherwise: str = ""
-) -> Finding:
-    """The finding of a misfit that was `seen`, with what would explain it, or else what to do."""
+def describe_misfit(seen: str, found: Sequence[Explanation], otherwise: str = "") -> dict[str, str]:
+    """A misfit that was `seen` in words: with what would explain it, or else what to do."""
     if not found:
-        return report(name, what=seen, action=otherwise)
+        return {"what": seen, "action": otherwise}
     others = " or ".join(one.words for one in found[1:4])
     also = f"; so would {others}" if others else ""
-    return report(
-        name, what=f"{seen}; {found[0].words} would explain it{also}", action=found[0].move
-    )
+    return {"what": f"{seen}; {found[0].words} would explain it{also}", "action": found[0].move}
 
 
 def _list_motions(jacobian: Array, time: Array, orientation: NDArray[np.int64]) -> Iterator[_Cause]:

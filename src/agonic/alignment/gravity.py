@@ -14,15 +14,13 @@ magnetometer still has, may be sought as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.calibration import make_calibration, make_provenance
-from agonic.alignment.findings import is_above, report, report_above
 from agonic.alignment.maths.columns import average, find_rows
 from agonic.alignment.maths.two_frames import (
     GROUPS,
@@ -39,6 +37,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
+from agonic.health.finding import Fact, Limit, Told, find_facts
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations.mounting import right_angles
@@ -225,7 +224,7 @@ def fit_gravity(
         gravity=gravity,
         magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
     )
-    judged = replace(fit, findings=tuple(_examine(fit, samples.latitude_deg)))
+    judged = replace(fit, findings=tuple(find_facts(FACTS, fit, samples.latitude_deg)))
     if judged.verdict == "refused":
         return judged
     turn = (
@@ -251,32 +250,94 @@ def _orientations(samples: Samples, force: Array, field: Array) -> tuple[Array, 
     return down_from_force(forces), average(field, rows), np.linalg.norm(forces, axis=1)
 
 
-def _examine(fit: GravityFit, latitude_deg: Array | None) -> Iterator[Finding]:
-    """A vertical field that varies, a turn that is not known well, gravity that is not the same
-    all round, and a dip that cannot be; `latitude_deg` (n,) of the readings, where it is known."""
+def _is_open(fit: GravityFit) -> bool:
+    return not fit.worst_sd_deg <= 5.0
+
+
+def _measure_scatter(fit: GravityFit) -> float:
+    """By how much the vertical field scatters, percent of the field."""
+    return 100 * float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
+
+
+def _name_worst_axis(fit: GravityFit) -> dict[str, Any]:
     turn, axis = fit.estimate.covariance[:3, :3], "all axes"
     if np.isfinite(turn).all():
         worst = np.linalg.eigh(turn)[1][:, -1]
         axis = f"({', '.join(f'{part:.2f}' for part in worst)}) of the accelerometer's axes"
-    undetermined = is_above("turn undetermined", fit.worst_sd_deg)
-    left = float(np.sqrt((fit.estimate.residuals**2).mean())) / fit.magnitude
-    if is_above("vertical varies", left):
-        yield report("vertical varies", "refuse" if undetermined else "check", by=100 * left)
-    elif undetermined:
-        yield report("turn undetermined", n=fit.n, axis=axis)
-    else:
-        yield from report_above("turn loose", fit.worst_sd_deg, axis=axis, sd=fit.worst_sd_deg)
-    uneven = float(np.ptp(fit.gravity) / fit.gravity.mean())
-    yield from report_above("uneven gravity", uneven, by=100 * uneven)
-    # an axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
-    # where M mirrors, and the field then dips the other way; only the hemisphere shows it: beyond
-    # 25° of latitude the field dips down in the north and up in the south everywhere
+    return {"n": fit.n, "axis": axis, "value": fit.worst_sd_deg}
+
+
+def _find_wrong_dip(fit: GravityFit, latitude_deg: Array | None) -> Told:
+    """An axis of the wrong sign, or two exchanged, fits as well as a true turn: −M is a rotation
+    where M mirrors, and the field then dips the other way. Only the hemisphere shows it: beyond 25°
+    of latitude the field dips down in the north and up in the south everywhere."""
     dip = fit.inclination_deg
     north = float("nan") if latitude_deg is None else float(np.nanmedian(latitude_deg))
     known = abs(north) > 25.0
-    wrong = dip * north < 0 if known else (dip < 0 and fit.angle_deg >= 90.0)
-    if wrong:
-        here = f"at latitude {north:.0f}° it does not" if known else "it does so in the south only"
-        unknown = "" if known else ", or log latitude_deg if this is south of the magnetic equator"
-        way = "up" if dip < 0 else "down"
-        yield report("dips the wrong way", way=way, dip=abs(dip), here=here, unknown=unknown)
+    if not (dip * north < 0 if known else (dip < 0 and fit.angle_deg >= 90.0)):
+        return None
+    here = f"at latitude {north:.0f}° it does not" if known else "it does so in the south only"
+    unknown = "" if known else ", or log latitude_deg if this is south of the magnetic equator"
+    return {
+        "way": "up" if dip < 0 else "down",
+        "dip": abs(dip),
+        "here": here,
+        "unknown": unknown,
+    }
+
+
+SCATTERS = (
+    "the vertical field scatters by {value} % of the field between orientations",
+    "calibrate the magnetometer first, and keep away from iron",
+)
+MAX_SCATTER = 2.0  # percent
+FACTS = (
+    Fact(
+        "vertical varies",
+        lambda fit, _: None if _is_open(fit) else _measure_scatter(fit),
+        Limit(check=MAX_SCATTER),
+        *SCATTERS,
+    ),
+    Fact(
+        "vertical varies",
+        lambda fit, _: _measure_scatter(fit) if _is_open(fit) else None,
+        Limit(refuse=MAX_SCATTER),
+        *SCATTERS,
+    ),
+    Fact(
+        "turn undetermined",
+        lambda fit, _: (
+            _name_worst_axis(fit)
+            if _is_open(fit) and not _measure_scatter(fit) > MAX_SCATTER
+            else None
+        ),
+        "refuse",
+        "{n} orientations do not determine the turn about {axis}",
+        "hold it still also nose up, on either side and upside down, and in between",
+    ),
+    Fact(
+        "turn loose",
+        lambda fit, _: (
+            None if _is_open(fit) or _measure_scatter(fit) > MAX_SCATTER else _name_worst_axis(fit)
+        ),
+        Limit(check=1.0),  # degrees
+        "the standard error of the turn about {axis} is {value}°",
+        "add orientations far from the others",
+    ),
+    Fact(
+        "uneven gravity",
+        lambda fit, _: 100 * float(np.ptp(fit.gravity) / fit.gravity.mean()),
+        Limit(check=3.0),  # percent
+        "the accelerometer reads gravity as {value} % larger one way than another",
+        "calibrate it; its bias tilts every orientation",
+    ),
+    Fact(
+        "dips the wrong way",
+        _find_wrong_dip,
+        "check",
+        "by this fit the field dips {way} by {dip:.0f}°, and {here}: an axis of the magnetometer "
+        "or accelerometer with the wrong sign, or two exchanged, fits as well",
+        "compare the axes with the data sheets{unknown}",
+    ),
+)
+"""What is said of a fit, given the latitudes (n,) of the readings where they are known."""

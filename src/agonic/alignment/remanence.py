@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from scipy.special import chdtri
 
-from agonic.alignment.findings import report
 from agonic.alignment.maths.columns import Harmonics, compute_size, fit_harmonics, split
 from agonic.alignment.session.observed import average_beside
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
 from agonic.health import Finding, Judged, figure
+from agonic.health.finding import Fact, find_facts
 from agonic.maths.estimation.noise.student import RARE
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.readable import Shown
@@ -128,7 +127,8 @@ def fit_remanence(
         induced_sd=induced_sd,
         induced_chance=induced_chance,
     )
-    return replace(fit, findings=tuple(_findings(fit, wanted_arcsec)), remarks=_remarks(fit))
+    matters = wanted_arcsec * ARCSEC_RAD * fit.magnitude
+    return replace(fit, findings=tuple(find_facts(FACTS, fit, matters)), remarks=_remarks(fit))
 
 
 def _visit(samples: Samples) -> tuple[list[Index], Array]:
@@ -178,16 +178,40 @@ def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
     return np.where(sure, np.sqrt(2.0 * np.maximum(surplus, 0.0)) * turn_s / (2 * np.pi), 0.0)
 
 
-def _findings(fit: RemanenceFit, wanted_arcsec: float) -> Iterator[Finding]:
-    """What is to be looked at."""
-    matters = wanted_arcsec * ARCSEC_RAD * fit.magnitude
-    if fit.chance < RARE and fit.size > matters:
-        yield report("platform remanence", size=fit.size, turned=fit.size_arcsec)
-    induced, chance = fit.induced, fit.induced_chance
-    if induced is not None and chance is not None and chance < RARE and induced > matters:
-        yield report("platform iron", size=induced)
-    if fit.sd > matters:
-        yield report("remanence loose", sd=fit.sd, wanted=matters)
+FACTS = (
+    Fact(
+        "platform remanence",
+        lambda fit, matters: (
+            {"value": fit.size, "turned": fit.size_arcsec}
+            if fit.chance < RARE and fit.size > matters
+            else None
+        ),
+        "check",
+        "the platform has a field of its own of {value} nT across its axis, which turns a field by "
+        "up to {turned}″",
+        "demagnetize or replace what is magnetic on it, or solve for the bias (--solve bias) with "
+        "the magnetometer where it will stay",
+    ),
+    Fact(
+        "platform iron",
+        lambda fit, matters: (
+            fit.induced
+            if fit.induced is not None and fit.induced_chance < RARE and fit.induced > matters
+            else None
+        ),
+        "check",
+        "something on the platform is magnetized by the field: {value} nT repeat twice in one turn",
+        "find the screw or the motor, or solve for the matrix (--solve bias,matrix)",
+    ),
+    Fact(
+        "remanence loose",
+        lambda fit, matters: {"sd": fit.sd, "wanted": matters} if fit.sd > matters else None,
+        "check",
+        "the platform's own field is known to {sd} nT only, and {wanted} nT are needed",
+        "take more readings at each setting, and a reference farther off",
+    ),
+)
+"""What is said of a platform, given the field, nT, that matters."""
 
 
 def _remarks(fit: RemanenceFit) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from functools import singledispatch
 from html import escape
 from typing import Any
 
-from agonic.alignment.coil import CoilFit
+from agonic.alignment.coil.result import CoilFit
 from agonic.alignment.direction.result import FieldDirection, describe_direction
 from agonic.alignment.document import (
     describe_coil,

@@ -91,7 +91,7 @@ def coil(
     -------
     session <SESSION> : coil.toml, or the folder it is in.
     """
-    from agonic.alignment.coil import fit_coil
+    from agonic.alignment.coil.fit import fit_coil
     from agonic.alignment.document import describe_coil
     from agonic.alignment.files.sessions import read_coil
     from agonic.console.finish import finish

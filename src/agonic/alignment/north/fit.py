@@ -9,8 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from agonic.alignment.calibration import make_calibration, make_provenance
-from agonic.alignment.explanations import find_explanations, report_misfit
-from agonic.alignment.findings import report, report_above
+from agonic.alignment.explanations import describe_misfit, find_explanations
 from agonic.alignment.maths import north as kernel
 from agonic.alignment.maths.north import North, Swing
 from agonic.alignment.maths.two_frames import RARE
@@ -19,6 +18,7 @@ from agonic.alignment.session.laboratory import NorthSession, Sighting
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.chain import Chain
 from agonic.health import Finding, Judged, figure
+from agonic.health.finding import Fact, Limit, Told, find_facts
 from agonic.maths.estimation.inference import average_over_term
 from agonic.maths.rotations.angles import wrap_deg
 from agonic.maths.rotations.frames import ARCSEC_RAD
@@ -200,49 +200,127 @@ def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
 
 
 def _examine(fit: NorthFit) -> Iterator[Finding]:
-    """Methods that disagree, a short record, a zero that moves, and readings that scatter; then
-    what was sighted, and the platform."""
-    best = fit.by[fit.method]
-    for name, other in fit.by.items():
-        apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
-        sds = apart / max(float(np.hypot(other.sd_deg, best.sd_deg)), 1e-12)
-        said: dict[str, str | float] = {"one": fit.method, "other": name, "by": 3600 * apart}
-        yield from report_above("methods disagree", sds, **said)
-    if fit.swing is not None and fit.session.swing is not None and fit.period_s is not None:
-        periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
-        if not fit.swing.converged or periods < 1.0:
-            yield report("short swing", periods=periods)
-    moved = abs(fit.drift.size_deg)
-    yield from report_above("zero drifts", moved / max(fit.drift.sd_deg, 1e-12), by=3600 * moved)
-    read = {fit.method: best.excess} | {one.name: one.excess for one in fit.azimuths}
-    name, excess = max(read.items(), key=lambda item: item[1])
-    yield from report_above("readings scatter", excess, name=name, excess=excess)
-    if not np.isfinite(best.sd_deg):
-        yield report("no spread")
+    """The findings of the gyro, of what was sighted, and of the platform."""
+    for name in fit.by:
+        yield from find_facts(OF_METHOD, fit, name)
+    yield from find_facts(OF_GYRO, fit)
     for one in fit.azimuths:
-        differ = 2 * abs(one.collimation_arcsec)
-        yield from report_above("faces", differ, name=one.name, by=differ)
+        yield from find_facts(OF_SIGHTING, one)
     if fit.aligned is not None:
-        yield from _examine_platform(fit.aligned)
+        yield from find_facts(OF_PLATFORM, fit.aligned)
 
 
-def _examine_platform(found: Aligned) -> Iterator[Finding]:
-    """A platform turned too seldom, whose residuals are more than noise, or that went on turning
-    after it was set."""
+def _compare_methods(fit: NorthFit, name: str) -> Told:
+    """How many standard errors another method's north is from the one that is used."""
+    best, other = fit.by[fit.method], fit.by[name]
+    apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
+    sds = apart / max(float(np.hypot(other.sd_deg, best.sd_deg)), 1e-12)
+    return {"value": sds, "one": fit.method, "other": name, "by": 3600 * apart}
+
+
+def _find_short_swing(fit: NorthFit) -> Told:
+    if fit.swing is None or fit.session.swing is None or fit.period_s is None:
+        return None
+    periods = float(np.ptp(fit.session.swing.time_s)) / fit.period_s
+    return periods if not fit.swing.converged or periods < 1.0 else None
+
+
+def _find_drift(fit: NorthFit) -> Told:
+    moved = abs(fit.drift.size_deg)
+    return {"value": moved / max(fit.drift.sd_deg, 1e-12), "by": 3600 * moved}
+
+
+def _find_scatter(fit: NorthFit) -> Told:
+    """Of all that was read, what scatters most beside the stated noise."""
+    read = {fit.method: fit.by[fit.method].excess} | {one.name: one.excess for one in fit.azimuths}
+    name, excess = max(read.items(), key=lambda item: item[1])
+    return {"value": excess, "name": name}
+
+
+def _find_misfit(found: Aligned) -> Told:
     solution = found.solution
-    if len(found.orientation) < 2:
-        yield report("orientations")
-    elif solution.p_value < RARE:
-        more = figure(float(np.sqrt(solution.chi2 / solution.freedom)))
-        yield report_misfit(
-            "platform misfit",
-            f"the residuals are {more} times what the noise explains",
-            find_explanations(solution, found.time, found.orientation),
-            "check mirror, orientation numbers, axes of the reference, and the magnetometer's "
-            "calibration",
-        )
-    if found.settled_by.any():
-        yield report("platform settles", by=float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD)
+    if len(found.orientation) < 2 or not solution.p_value < RARE:
+        return None
+    more = figure(float(np.sqrt(solution.chi2 / solution.freedom)))
+    return describe_misfit(
+        f"the residuals are {more} times what the noise explains",
+        find_explanations(solution, found.time, found.orientation),
+        "check mirror, orientation numbers, axes of the reference, and the magnetometer's "
+        "calibration",
+    )
+
+
+OF_METHOD = (
+    Fact(
+        "methods disagree",
+        _compare_methods,
+        Limit(check=4.0),  # standard errors
+        "{one} and {other} differ by {by}″",
+        "check that all were read on one circle, east increasing, and that amplitudes and times "
+        "belong together",
+    ),
+)
+OF_GYRO = (
+    Fact(
+        "short swing",
+        _find_short_swing,
+        "check",
+        "the record holds {value} periods of the swing",
+        "follow the gyro for two periods or more",
+    ),
+    Fact(
+        "zero drifts",
+        _find_drift,
+        Limit(check=3.0),  # standard errors
+        "the middle of the swing moves by {by}″ over the record, so north is known to half of that "
+        "at best",
+        "let the gyro warm up, keep it out of sun and wind, and follow it again",
+    ),
+    Fact(
+        "readings scatter",
+        _find_scatter,
+        Limit(check=1.0),  # times the stated noise, which chance does not exceed
+        "the readings of {name} scatter by {value} times the stated noise; the standard error was "
+        "widened",
+        "look for a misread circle or a zero that drifts, and read again",
+    ),
+    Fact(
+        "no spread",
+        lambda fit: None if np.isfinite(fit.by[fit.method].sd_deg) else {},
+        "check",
+        "the standard error of north is not determined",
+        "read more turning points, or state reading_sd_arcsec or time_sd_s",
+    ),
+)
+OF_SIGHTING = (
+    Fact(
+        "faces",
+        lambda one: {"value": 2 * abs(one.collimation_arcsec), "name": one.name},
+        Limit(check=120.0),  # arcseconds
+        "the two faces to {name} differ by {value}″ and half a turn",
+        "check the readings, and adjust the theodolite",
+    ),
+)
+OF_PLATFORM = (
+    Fact(
+        "orientations",
+        lambda found: {} if len(found.orientation) < 2 else None,
+        "refuse",
+        "one orientation does not determine the rotation about the field",
+        "turn the platform to at least two others",
+    ),
+    Fact("platform misfit", _find_misfit, "check", "{what}", "{action}"),
+    Fact(
+        "platform settles",
+        lambda found: (
+            float(np.linalg.norm(found.settled_by)) / ARCSEC_RAD if found.settled_by.any() else None
+        ),
+        "check",
+        "the magnetometer turned by {value}″ while an orientation was recorded; circle and levels "
+        "were read at one moment of it, and the standard error was enlarged by the same amount",
+        "wait after each turn until the readings rest, and clamp the platform",
+    ),
+)
 
 
 def _describe(fit: NorthFit) -> tuple[str, ...]:

@@ -28,6 +28,10 @@ NOT_UNIT = 1e-3
 
 
 Coordinates = Literal["astronomical", "geodetic"]
+DEFLECTION = (
+    "the site's coordinates are geodetic: north and down may be off by up to 20″, the deflection "
+    "of the vertical"
+)
 
 PRESENT, REMOVED = "present", "removed"
 """Whether an effect on starlight is still in the star sensor's attitudes."""

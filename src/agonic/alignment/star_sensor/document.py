@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from agonic.alignment.document import make_document
+from agonic.alignment.document import make_document, write_by_axis
 from agonic.alignment.figures import draw_axes, draw_dome, draw_figure, draw_residuals, draw_sky
-from agonic.alignment.findings import write_by_axis
 from agonic.alignment.maths.two_frames import GROUPS
 from agonic.alignment.star_sensor.budget import error_budget
 from agonic.alignment.star_sensor.plan import AlignmentPlan

@@ -1,0 +1,1 @@
+"""The magnetic axis and the constant of a coil, from current reversals."""
