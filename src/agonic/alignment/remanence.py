@@ -8,7 +8,14 @@ from typing import Annotated
 import numpy as np
 from scipy.special import chdtri
 
-from agonic.alignment.maths.columns import Harmonics, compute_size, fit_harmonics, split
+from agonic.alignment.maths.columns import (
+    Harmonics,
+    average,
+    compute_size,
+    fit_harmonics,
+    fit_lines,
+    split,
+)
 from agonic.alignment.session.observed import average_beside
 from agonic.arrays import Array, Index
 from agonic.errors import LogError, UnitError
@@ -159,19 +166,13 @@ def _measure_unrest(samples: Samples, visits: list[Index]) -> Array:
     parabola's, an oscillation of the turn's period T has the amplitude √2 rate T / 2π."""
     if samples.time is None or min(len(rows) for rows in visits) < 5:
         return np.zeros(3)
-    rates, variances, middles = [], [], []
-    for rows in visits:
-        away = samples.time[rows] - samples.time[rows].mean()
-        power = float(away @ away)
-        rate = away @ samples.field[rows] / power
-        left = samples.field[rows] - samples.field[rows].mean(axis=0) - np.outer(away, rate)
-        rates.append(rate)
-        variances.append((left**2).sum(axis=0) / (len(rows) - 2) / power)
-        middles.append(samples.time[rows].mean())
-    time = np.array(middles) - np.mean(middles)
+    lines = fit_lines((samples.time[rows], samples.field[rows]) for rows in visits)
+    middles = average(samples.time, visits)
+    time = middles - middles.mean()
     design = np.stack([np.ones(len(time)), time / max(float(np.abs(time).max()), 1e-9)], axis=1)
-    rest = np.array(rates) - design @ np.linalg.lstsq(design, np.array(rates), rcond=None)[0]
-    freedom, chance = len(time) - 2, np.mean(variances, axis=0)
+    rest = lines.slope - design @ np.linalg.lstsq(design, lines.slope, rcond=None)[0]
+    freedom = len(time) - 2
+    chance = (lines.squares / (lines.freedom * lines.power)[:, None]).mean(axis=0)
     surplus = (rest**2).sum(axis=0) / freedom - chance
     sure = (rest**2).sum(axis=0) > chdtri(freedom, RARE) * chance
     turn_s = float(np.ptp(middles)) * len(time) / (len(time) - 1)

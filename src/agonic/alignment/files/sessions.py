@@ -13,8 +13,7 @@ import numpy as np
 from agonic.alignment.files.description import Description, read_description, write_description
 from agonic.alignment.files.tables import (
     GON_DEG,
-    format_stars,
-    format_table,
+    list_star_columns,
     read_stars,
     read_table,
 )
@@ -38,13 +37,13 @@ from agonic.alignment.session.session import (
     make_diagonal,
 )
 from agonic.arrays import Array
-from agonic.atomic import make_folder, write_atomically
+from agonic.atomic import make_folder
 from agonic.calibration.alignment import Alignment
 from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.calibration.steps import require_calibration
 from agonic.errors import AgonicError
-from agonic.exports.csv import write_csv
+from agonic.exports.csv import write_csv, write_table
 from agonic.files.calibration import load, save
 from agonic.maths.earth.earth_rotation import TT_TAI_S, tai_utc_s
 from agonic.maths.rotations.attitude import angles_deg, rot_nb
@@ -315,7 +314,7 @@ def write_session(session: Session, folder: Path | str) -> list[Path]:
     ...     print(*(file.name for file in files))
     star.csv magnetometer.csv reference.csv session.toml
     """
-    stars = {"star": format_stars(session.star)}
+    stars = {"star": list_star_columns(session.star)}
     return _write(session, folder, SESSION, stars, {"": {"time_scale": "UTC"}})
 
 
@@ -332,10 +331,10 @@ def write_north(session: NorthSession, folder: Path | str) -> list[Path]:
     reversal.csv transit.csv swing.csv north.toml
     """
     turning = session.turning_deg
-    tables = {} if turning is None else {"reversal": format_table({"reading_deg": turning})}
+    tables = {} if turning is None else {"reversal": {"reading_deg": turning}}
     for name, (attribute, kind) in TABLES.items():
         if (part := getattr(session, attribute)) is not None:
-            tables[name] = format_table({key: getattr(part, key) for key in list_columns(kind)})
+            tables[name] = {key: getattr(part, key) for key in list_columns(kind)}
     sighted = [
         {"name": one.name, "readings_deg": one.reading_deg, "mirror": one.mirror}
         for one in session.sightings
@@ -364,12 +363,12 @@ def _write(
     session: Recorded,
     folder: Path | str,
     name: str,
-    tables: Mapping[str, str],
+    tables: Mapping[str, Mapping[str, Any]],
     beside: Mapping[str, Any],
 ) -> list[Path]:
     """Write tables by the name of their section, readings, what is calibrated, the description."""
     home = make_folder(folder)
-    files = {one: write_atomically(home / f"{one}.csv", text) for one, text in tables.items()}
+    files = {one: write_table(columns, home / f"{one}.csv") for one, columns in tables.items()}
     for one in ("magnetometer", "reference", "remanence"):
         if (samples := getattr(session, one, None)) is not None:
             files[one] = write_csv(samples, home / f"{one}.csv")

@@ -15,7 +15,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,8 +25,8 @@ from scipy.spatial.transform import Rotation
 from agonic.alignment.direction.result import FieldDirection
 from agonic.alignment.session.session import NOT_UNIT, StarReadings, make_diagonal
 from agonic.arrays import Array
-from agonic.atomic import write_atomically
 from agonic.errors import LogError
+from agonic.exports.csv import write_table
 from agonic.logs.clocks.clock import read_clock
 from agonic.logs.contents import read_text
 from agonic.logs.rows.auxiliary import to_numbers
@@ -98,16 +97,6 @@ def read_table(path: Path, needed: str) -> Table:
     return Table(
         {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(header)}, path
     )
-
-
-def format_table(columns: Mapping[str, Iterable[Any]]) -> str:
-    """Columns of cells as CSV; numbers to their last digit."""
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    cells = (c.tolist() if isinstance(c, np.ndarray) else c for c in columns.values())
-    writer.writerows(zip(*cells, strict=True))
-    return stream.getvalue()
 
 
 Turns = Literal["ci", "ic"]
@@ -213,8 +202,8 @@ def _covariances(table: Table, errors: tuple[float | None, float | None]) -> Arr
     return np.broadcast_to(make_diagonal(errors[0], errors[1]), (len(table), 3, 3))
 
 
-def format_stars(star: StarReadings) -> str:
-    """The table of attitudes as `read_stars` reads it back, to a tenth of a microarcsecond."""
+def list_star_columns(star: StarReadings) -> dict[str, Any]:
+    """The columns of attitudes as `read_stars` reads them back, to a tenth of a microarcsecond."""
     alpha, beta, gamma = angles_323_deg(star.rot_ci).T
     columns = {
         "unix_s": [f"{t:.6f}" for t in star.time],
@@ -227,7 +216,7 @@ def format_stars(star: StarReadings) -> str:
         parts = pack_symmetric(star.covariance).T
         cells = [[f"{v:.12g}" for v in part / ARCSEC_RAD**2] for part in parts]
         columns |= dict(zip(COVARIANCE, cells, strict=True))
-    return format_table(columns)
+    return columns
 
 
 DIGITS = {"unix_s": 6, "nT": 4, "deg": 7, "arcsec": 3}
@@ -242,4 +231,4 @@ def write_direction(found: FieldDirection, file: Path) -> Path:
         for unit, digits in DIGITS.items()
         if name.endswith(unit)
     }
-    return write_atomically(file, format_table(cells))
+    return write_table(cells, file)

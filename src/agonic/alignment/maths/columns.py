@@ -14,6 +14,7 @@ turned beneath a magnetometer is harmonics of the angle.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -123,17 +124,34 @@ def _find_weights(time: Array, known: Array) -> tuple[Index, Array]:
     return rows[used], weights[used]
 
 
+class Lines(NamedTuple):
+    """Straight lines in time through k stretches: slopes and sums of squares that they leave,
+    (k, 3), the sums of squares of the times about their mean, (k,), and the freedom (k,)."""
+
+    slope: Array
+    squares: Array
+    power: Array
+    freedom: NDArray[np.int64]
+
+
+def fit_lines(parts: Iterable[tuple[Array, Array]]) -> Lines:
+    """The lines of times (n,) and values (n, 3), of three rows or more."""
+    found = []
+    for time, values in parts:
+        away, about = time - time.mean(), values - values.mean(axis=0)
+        power = float(away @ away)
+        slope = away @ about / power
+        found.append((slope, ((about - np.outer(away, slope)) ** 2).sum(axis=0), power, len(time)))
+    slopes, squares, powers, counts = zip(*found, strict=True) if found else ([], [], [], [])
+    own = np.array(counts, dtype=np.int64) - 2
+    return Lines(np.reshape(slopes, (-1, 3)), np.reshape(squares, (-1, 3)), np.array(powers), own)
+
+
 def _find_scatter(parts: list[tuple[Array, Array]]) -> Array:
     """Standard deviations (3,) of one reading about straight lines in time, pooled."""
-    squares, freedom = np.zeros(3), 0
-    for time, values in parts:
-        if len(time) < 3:
-            continue
-        along = np.stack([np.ones(len(time)), time - time.mean()], axis=1)
-        left = values - along @ np.linalg.lstsq(along, values, rcond=None)[0]
-        squares += (left**2).sum(axis=0)
-        freedom += len(time) - 2
-    return np.sqrt(squares / freedom) if freedom >= 2 else np.full(3, np.nan)
+    lines = fit_lines(part for part in parts if len(part[0]) > 2)
+    freedom = int(lines.freedom.sum())
+    return np.sqrt(lines.squares.sum(axis=0) / freedom) if freedom >= 2 else np.full(3, np.nan)
 
 
 class Fitted(NamedTuple):

@@ -100,10 +100,15 @@ def make_prior(
     return prior
 
 
-def predict_field_c(at: Unknowns, measured: Measured) -> Array:
-    """The field (k, 3) in the platform's axes, by reference and attitude."""
-    beside = (measured.reference + at.offset)[:, :, None]
-    return np.asarray(measured.rot_cn @ at.rot_nr @ beside)[:, :, 0]
+def predict_field_c(at: Unknowns, rot_cn: Array, reference: Array) -> Array:
+    """The field (k, 3) in the platform's axes, by attitude and reference."""
+    return np.asarray(rot_cn @ at.rot_nr @ (reference + at.offset)[:, :, None])[:, :, 0]
+
+
+def predict_raw(at: Unknowns, rot_cn: Array, reference: Array) -> Array:
+    """What the magnetometer reads, (k, 3): W⁻¹ R_mc of that, and its bias."""
+    field = predict_field_c(at, rot_cn, reference) @ at.rot_mc.T
+    return np.asarray(field @ np.linalg.inv(at.matrix).T + at.bias)
 
 
 def compute_residual(at: Unknowns, measured: Measured) -> tuple[Array, Array]:
@@ -118,13 +123,14 @@ def compute_residual(at: Unknowns, measured: Measured) -> tuple[Array, Array]:
     jacobian[:, :, 9:12] = -back @ at.matrix
     for k, unit in enumerate(np.eye(6)):
         jacobian[:, :, 12 + k] = d @ unpack_symmetric(unit) @ at.rot_mc
-    return own @ at.rot_mc - predict_field_c(at, measured), jacobian
+    field_c = predict_field_c(at, measured.rot_cn, measured.reference)
+    return own @ at.rot_mc - field_c, jacobian
 
 
 def compute_covariance(at: Unknowns, measured: Measured) -> Array:
     """Covariance (k, 3, 3) of the residuals, nT²: magnetometer, reference and attitude. An attitude
     that is off by the small rotation ε sees the field v off by ε × v."""
-    across = skew(predict_field_c(at, measured))
+    across = skew(predict_field_c(at, measured.rot_cn, measured.reference))
     turned = across @ measured.attitude_covariance @ np.swapaxes(across, 1, 2)
     matrix = at.rot_mc.T @ at.matrix
     own = measured.noise[:, None, None] ** 2 * (matrix @ matrix.T)
@@ -304,7 +310,8 @@ def solve(
 
 def _start(at: Unknowns, measured: Measured, free: Mask) -> Array:
     """The rotation that fits best without anything else; a bias is taken out as the mean."""
-    expected, field = predict_field_c(at, measured), measured.field
+    expected = predict_field_c(at, measured.rot_cn, measured.reference)
+    field = measured.field
     if free[GROUPS["bias"]].all() and len(field) > 3:
         expected, field = expected - expected.mean(axis=0), field - field.mean(axis=0)
     return find_best_rotation(expected, field)

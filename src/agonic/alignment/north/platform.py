@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from agonic.alignment.maths.columns import average, find_rows
+from agonic.alignment.maths.columns import average, find_rows, fit_lines
 from agonic.alignment.maths.two_frames import (
     RARE,
     Solution,
@@ -133,18 +133,12 @@ def find_settling_chance(left: list[Array]) -> float:
     each orientation means of what is `left` (n, 3) of its readings, in batches, so that noise with
     memory shows as it is, are fitted with a line; the squares of the slopes over those of what the
     lines leave are an F-test, all axes together. It is 1 where none has readings enough."""
-    explained, unexplained, lines = 0.0, 0.0, 0
     at = np.linspace(-1.0, 1.0, 6)
-    for values in left:
-        if len(values) < len(at):
-            continue
-        means = np.stack([part.mean(axis=0) for part in np.array_split(values, len(at))])
-        means -= means.mean(axis=0)
-        slope = at @ means / (at @ at)
-        explained += float((slope**2).sum() * (at @ at))
-        unexplained += float(((means - np.outer(at, slope)) ** 2).sum())
-        lines += 3
-    if not lines or unexplained == 0.0:
+    batches = (np.array_split(values, len(at)) for values in left if len(values) >= len(at))
+    lines = fit_lines((at, np.stack([part.mean(axis=0) for part in own])) for own in batches)
+    unexplained = float(lines.squares.sum())
+    if unexplained == 0.0:
         return 1.0
-    freedom = lines * (len(at) - 2)
-    return float(fdtrc(lines, freedom, explained / lines / (unexplained / freedom)))
+    explained = float((lines.slope**2).sum()) * float(at @ at)
+    count, freedom = lines.slope.size, 3 * int(lines.freedom.sum())
+    return float(fdtrc(count, freedom, explained / count / (unexplained / freedom)))

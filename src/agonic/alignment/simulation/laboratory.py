@@ -14,6 +14,7 @@ from scipy.optimize import newton
 from scipy.spatial.transform import Rotation, Slerp
 
 from agonic.alignment.maths.north import evaluate_swing_deg
+from agonic.alignment.maths.two_frames import Unknowns
 from agonic.alignment.north import di_flux as kernel
 from agonic.alignment.session.laboratory import (
     Attitude,
@@ -31,6 +32,7 @@ from agonic.alignment.simulation.session import (
     TURN_S,
     make_clock,
     read_field,
+    read_turned,
     vary_field,
 )
 from agonic.arrays import Array
@@ -361,11 +363,9 @@ def _stand(
         return rot_mb, {}
     heading = np.arange(count) * 360.0 / count + rng.uniform(-5, 5, count)
     roll, pitch = rng.uniform(-3, 3, (2, count))
-    number, whole = np.repeat(np.arange(count), 20), make_clock(count, 20)
-    seconds = whole.astype(np.float64)
-    clock = np.arange(float(whole[-1] + TURN_S))
-    beside = vary_field(clock, 15.0, (2400.0, 3100.0, 5100.0), rng)
-    true_b = np.einsum("nji,nj->ni", rot_nb(roll, pitch, heading)[number], beside[whole])
+    seconds = np.arange(float(make_clock(count, 20)[0][-1] + TURN_S))
+    beside = vary_field(seconds, 15.0, (2400.0, 3100.0, 5100.0), rng)
+    rot_bn = np.swapaxes(rot_nb(roll, pitch, heading), 1, 2)
     circle_sd, level_sd = sd_arcsec
     roll_error, pitch_error = level_sd / 3600 * rng.standard_normal((2, count))
     read = heading + circle_sd / 3600 * rng.standard_normal(count)
@@ -378,11 +378,6 @@ def _stand(
         level_sd_arcsec=level_sd,
         mirror=True,
     )
-    station = (number + 1).astype(np.float64)
-    return rot_mb, {
-        "platform": platform,
-        "magnetometer": read_field(
-            true_b @ rot_mb.T, noise[0], rng, begins, seconds, station=station
-        ),
-        "reference": read_field(beside, noise[1], rng, begins, clock, "reference"),
-    }
+    truth = Unknowns(rot_mc=rot_mb)
+    read_out = read_turned(truth, rot_bn, 20, beside, noise, begins, rng)
+    return rot_mb, {"platform": platform, **read_out}

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from agonic.alignment.maths.two_frames import Unknowns, predict_raw
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.observed import compute_apparent_turn
 from agonic.alignment.session.session import Mounting, Pier, Session, Site, StarReadings
@@ -161,17 +162,17 @@ def simulate_session(
     alpha, beta, gamma = mounting_deg
     nominal = from_323_deg(alpha, beta, gamma)
     rot_mc = make_rotation(np.radians(mounting_sd_deg) * rng.standard_normal(3)) @ nominal
-    w = np.eye(3) if matrix is None else np.asarray(matrix, dtype=np.float64)
     turn = np.asarray(reference_turn_arcsec, dtype=np.float64) * ARCSEC_RAD
-    number = np.repeat(np.arange(len(rot)), readings).astype(np.int64)
-    clock = make_clock(len(rot), readings)
-    seconds = clock.astype(np.float64)
+    own = remanence * np.array([0.6, -0.8, 0.0]) if remanence else np.zeros(3)
+    truth = Unknowns(
+        rot_mc,
+        make_rotation(turn),
+        np.asarray(pier, dtype=np.float64),
+        np.asarray(bias, dtype=np.float64) + own,
+        np.eye(3) if matrix is None else np.asarray(matrix, dtype=np.float64),
+    )
+    clock, number = make_clock(len(rot), readings)
     beside = np.asarray(field_n) + _vary_field(np.arange(float(clock[-1] + TURN_S)), rng)
-    offset, zero = np.asarray(pier, dtype=np.float64), np.asarray(bias, dtype=np.float64)
-    if remanence:
-        zero = zero + remanence * np.array([0.6, -0.8, 0.0])
-    true_c = np.einsum("nij,jk,nk->ni", rot[number], make_rotation(turn), beside[clock] + offset)
-    raw = true_c @ rot_mc.T @ np.linalg.inv(w).T + zero
     turned, before = None, begins - timedelta(hours=1)
     if remanence is not None:
         turned = simulate_remanence(remanence=remanence, noise=noise, begins=before, seed=seed)
@@ -181,26 +182,26 @@ def simulate_session(
         star=_stars(
             site,
             rot[number],
-            begins.timestamp() + seconds + OFFSET_S,
+            begins.timestamp() + clock.astype(np.float64) + OFFSET_S,
             number + 1,
             np.array([across_sd_arcsec] * 2 + [about_sd_arcsec]) * ARCSEC_RAD,
             (refraction, aberration),
             rng,
         ),
-        magnetometer=read_field(
-            raw, noise, rng, begins, seconds, station=(number + 1).astype(np.float64)
-        ),
-        reference=read_field(
-            beside, reference_noise, rng, begins, np.arange(float(len(beside))), "reference"
-        ),
-        pier=Pier(difference=offset),
+        **read_turned(truth, rot, readings, beside, (noise, reference_noise), begins, rng),
+        pier=Pier(difference=truth.offset),
         remanence=turned,
         mounting=Mounting(alpha_deg=alpha, beta_deg=beta, gamma_deg=gamma),
         noise=noise or 1e-6,
         reference_noise=reference_noise or 1e-6,
     )
     return SimulatedSession(
-        session=session, rot_mc=rot_mc, reference_turn=turn, offset=offset, bias=zero, matrix=w
+        session=session,
+        rot_mc=rot_mc,
+        reference_turn=turn,
+        offset=truth.offset,
+        bias=truth.bias,
+        matrix=truth.matrix,
     )
 
 
@@ -216,10 +217,32 @@ def _orientations(
     return rot_cn(azimuth, np.degrees(np.arcsin(height)), roll)
 
 
-def make_clock(count: int, readings: int) -> NDArray[np.int64]:
-    """Whole seconds of every reading: one a second, and time to turn in between."""
-    begin = np.arange(count) * (readings + TURN_S)
-    return np.asarray((begin[:, None] + np.arange(readings)).ravel() + 5)
+def make_clock(count: int, readings: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Whole seconds of every reading, one a second and time to turn in between, and the number of
+    the orientation, from 0."""
+    number = np.repeat(np.arange(count), readings).astype(np.int64)
+    return number * TURN_S + np.arange(len(number)) + 5, number
+
+
+def read_turned(
+    truth: Unknowns,
+    rot_cn: Array,
+    readings: int,
+    beside: Array,
+    noise: tuple[float, float],
+    begins: datetime,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """What a magnetometer on a platform in attitudes (k, 3, 3) reads, and a reference beside it
+    every second; `noise` is that of the two."""
+    clock, number = make_clock(len(rot_cn), readings)
+    raw = predict_raw(truth, rot_cn[number], beside[clock])
+    every, station = np.arange(float(len(beside))), (number + 1).astype(np.float64)
+    seconds = clock.astype(np.float64)
+    return {
+        "magnetometer": read_field(raw, noise[0], rng, begins, seconds, station=station),
+        "reference": read_field(beside, noise[1], rng, begins, every, "reference"),
+    }
 
 
 def _vary_field(time: Array, rng: np.random.Generator) -> Array:

@@ -18,7 +18,7 @@ from agonic.alignment.maths.two_frames import (
     compute_turn_sd,
     invert,
     make_prior,
-    predict_field_c,
+    predict_raw,
     weigh,
 )
 from agonic.alignment.session.session import make_diagonal
@@ -48,17 +48,16 @@ def predict_information(at: Unknowns, like: Measured, chosen: list[Orientation])
     count = len(chosen)
     reference = np.broadcast_to(like.reference.mean(axis=0), (count, 3))
     turned = np.median(like.attitude_covariance, axis=0)
+    attitude = rot_cn(*np.array(chosen).T)
     one = Measured(
-        field=reference,
+        field=predict_raw(at, attitude, reference),
         reference=reference,
-        rot_cn=rot_cn(*np.array(chosen).T),
+        rot_cn=attitude,
         attitude_covariance=np.broadcast_to(turned, (count, 3, 3)),
         noise=np.full(count, np.median(like.noise)),
         reference_noise=np.full(count, np.median(like.reference_noise)),
     )
-    expected = predict_field_c(at, one) @ at.rot_mc.T
-    field = expected @ np.linalg.inv(at.matrix).T + at.bias
-    return compute_information(at, one._replace(field=field))
+    return compute_information(at, one)
 
 
 def choose_additions(
