@@ -6,7 +6,7 @@ calibrated: the residuals are linear in all of them, so that what each leaves ne
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,8 @@ from agonic.alignment.maths.two_frames import (
 from agonic.alignment.session.earth import ARCSEC_PER_S
 from agonic.alignment.session.session import Site
 from agonic.arrays import Array
-from agonic.health import figure
+from agonic.health import Finding, figure
+from agonic.health.finding import Fact, find_facts
 from agonic.maths.estimation import leastsq
 from agonic.maths.rotations.frames import ARCSEC_RAD
 
@@ -96,6 +97,15 @@ def choose_explanations(found: Iterable[Explanation], now: float) -> list[Explan
     if not order or not order[0].left < now / 2:
         return []
     return [one for one in order if one.left <= min(1.5 * order[0].left, now / 2)]
+
+
+def find_causes(
+    table: Iterable[Fact], effects: Mapping[str, Collection[str]], *subject: object
+) -> tuple[Finding, ...]:
+    """The findings of a table, but for the `effects` that another one of them has, by its name."""
+    found = tuple(find_facts(table, *subject))
+    explained = {name for one in found for name in effects.get(one.name, ())}
+    return tuple(one for one in found if one.name not in explained)
 
 
 def describe_misfit(seen: str, found: Sequence[Explanation], otherwise: str = "") -> dict[str, str]:

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from agonic.alignment.calibration import make_calibration, make_provenance
+from agonic.alignment.explanations import find_causes
 from agonic.alignment.maths.columns import average, find_rows
 from agonic.alignment.maths.two_frames import (
     GROUPS,
@@ -37,7 +38,7 @@ from agonic.calibration.base import Calibration
 from agonic.calibration.chain import Chain
 from agonic.errors import LogError
 from agonic.health import Finding, Judged, figure
-from agonic.health.finding import Fact, Limit, Told, find_facts
+from agonic.health.finding import Fact, Limit, Told
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.estimation.noise.student import compute_widening
 from agonic.maths.rotations.mounting import right_angles
@@ -47,9 +48,6 @@ from agonic.samples import Samples
 
 VERTICAL = GROUPS["pier"].stop - 1
 """Place of Z among the unknowns of vectors in two frames."""
-MAX_STARTS = 4
-"""Right angles that are started from, those by which the vertical field varies least: of 120
-random turns the first or second led to the best."""
 ASSUMED_NOISE = 1e-3
 """Share of the field by which steps are weighed; the noise itself follows from the residuals."""
 
@@ -85,7 +83,8 @@ def estimate(
     vertical = (down @ right_angles() * field / size).sum(axis=-1)
     tried = (
         solve(measured, prior, (0.0, 0.0, float(vertical[k].mean())), right_angles()[k].T)
-        for k in np.argsort(vertical.var(axis=1))[:MAX_STARTS]
+        # those by which Z varies least: of 120 random turns the first or second led to the best
+        for k in np.argsort(vertical.var(axis=1))[:4]
     )
     found = min(tried, key=lambda one: one.chi2)
     at, rotation = found.unknowns, found.unknowns.rot_mc.T
@@ -224,7 +223,7 @@ def fit_gravity(
         gravity=gravity,
         magnitude=float(np.linalg.norm(means - found.bias, axis=1).mean()),
     )
-    judged = replace(fit, findings=tuple(find_facts(FACTS, fit, samples.latitude_deg)))
+    judged = replace(fit, findings=find_causes(FACTS, EFFECTS, fit, samples.latitude_deg))
     if judged.verdict == "refused":
         return judged
     turn = (
@@ -290,36 +289,29 @@ SCATTERS = (
     "the vertical field scatters by {value} % of the field between orientations",
     "calibrate the magnetometer first, and keep away from iron",
 )
-MAX_SCATTER = 2.0  # percent
 FACTS = (
     Fact(
         "vertical varies",
         lambda fit, _: None if _is_open(fit) else _measure_scatter(fit),
-        Limit(check=MAX_SCATTER),
+        Limit(check=2.0),  # percent
         *SCATTERS,
     ),
     Fact(
         "vertical varies",
         lambda fit, _: _measure_scatter(fit) if _is_open(fit) else None,
-        Limit(refuse=MAX_SCATTER),
+        Limit(refuse=2.0),
         *SCATTERS,
     ),
     Fact(
         "turn undetermined",
-        lambda fit, _: (
-            _name_worst_axis(fit)
-            if _is_open(fit) and not _measure_scatter(fit) > MAX_SCATTER
-            else None
-        ),
+        lambda fit, _: _name_worst_axis(fit) if _is_open(fit) else None,
         "refuse",
         "{n} orientations do not determine the turn about {axis}",
         "hold it still also nose up, on either side and upside down, and in between",
     ),
     Fact(
         "turn loose",
-        lambda fit, _: (
-            None if _is_open(fit) or _measure_scatter(fit) > MAX_SCATTER else _name_worst_axis(fit)
-        ),
+        lambda fit, _: None if _is_open(fit) else _name_worst_axis(fit),
         Limit(check=1.0),  # degrees
         "the standard error of the turn about {axis} is {value}°",
         "add orientations far from the others",
@@ -341,3 +333,4 @@ FACTS = (
     ),
 )
 """What is said of a fit, given the latitudes (n,) of the readings where they are known."""
+EFFECTS = {"vertical varies": ("turn undetermined", "turn loose")}

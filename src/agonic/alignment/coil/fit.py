@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from agonic.alignment.coil.result import (
+    EFFECTS,
+    FACTS,
     MAX_DRIFT,
     SAME_CURRENT,
     CoilFit,
     Direction,
     Level,
-    examine,
     read_stretches,
 )
+from agonic.alignment.explanations import find_causes
 from agonic.alignment.maths.columns import CoilEstimate, choose_drift, estimate_coil, fit_columns
 from agonic.alignment.session.earth import load_earth_rotation
 from agonic.alignment.session.laboratory import CoilSession
@@ -79,7 +81,7 @@ def fit_coil(session: CoilSession) -> CoilFit:
     if even:
         levels, p = _linearity(fit, level)
         fit = replace(fit, levels=levels, p_linear=p)
-    return replace(fit, findings=tuple(examine(fit)), remarks=_describe(fit))
+    return replace(fit, findings=find_causes(FACTS, EFFECTS, fit), remarks=_describe(fit))
 
 
 def _levels(current: Array) -> NDArray[np.int64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -22,7 +21,7 @@ from agonic.alignment.session.session import DEFLECTION
 from agonic.arrays import Array
 from agonic.errors import CoverageError
 from agonic.health import Finding, Judged, figure
-from agonic.health.finding import Fact, Limit, Told, find_facts
+from agonic.health.finding import Fact, Limit, Told
 from agonic.maths.estimation.noise.student import RARE
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.maths.rotations.vectors import skew
@@ -34,7 +33,6 @@ SAME_CURRENT = 0.02
 MIN_STRETCHES, MAX_DRIFT = 6, 16
 SURE = 5.0
 """Standard errors by which parts of the readings, or the reference, must differ to say anything."""
-MAX_AWAY_DEG = 5.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,15 +162,6 @@ def read_stretches(session: CoilSession) -> tuple[Array, Stretches, Stretches]:
     return average(current, rows), read, seen
 
 
-def examine(fit: CoilFit) -> Iterator[Finding]:
-    """The findings of a fit. A coil that does not settle spoils what shows the mistakes."""
-    settling = tuple(find_facts((SETTLING,), fit))
-    yield from settling
-    if not settling:
-        yield from find_facts(OF_MISTAKES, fit)
-    yield from find_facts(OF_SESSION, fit)
-
-
 def _compare(fit: CoilFit, one: CoilEstimate, *others: CoilEstimate) -> tuple[float, float]:
     """By how much the constant of some of the readings differs from that of others, or of all, and
     the standard error."""
@@ -200,7 +189,7 @@ def _find_settling(fit: CoilFit) -> Told:
 def _find_away(fit: CoilFit) -> Told:
     """How far the axis is from the one as drawn, degrees, and what may be the cause."""
     away = fit.geometric_deg or 0.0
-    back = away > 90.0 and 180.0 - away <= MAX_AWAY_DEG
+    back = away >= 175.0
     turned = "the coil or the sign of its current is reversed"
     return {"value": away, "cause": turned if back else "is it another coil?"}
 
@@ -264,15 +253,15 @@ def _is_fixed(fit: CoilFit) -> bool:
     return "e" in fit.directions
 
 
-SETTLING = Fact(
-    "coil not settled",
-    _find_settling,
-    Limit(check=1e-3, refuse=1.0),  # percent of the constant
-    "the field still changes after each change of the current: the second halves of the stretches "
-    "alone give a constant that differs by {value} %",
-    "give a longer settle_s in the session, and leave each current on for longer",
-)
-OF_MISTAKES = (
+FACTS = (
+    Fact(
+        "coil not settled",
+        _find_settling,
+        Limit(check=1e-3, refuse=1.0),  # percent of the constant
+        "the field still changes after each change of the current: the second halves of the "
+        "stretches alone give a constant that differs by {value} %",
+        "give a longer settle_s in the session, and leave each current on for longer",
+    ),
     Fact(
         "large current",
         lambda fit: float(np.abs(fit.current).max()),
@@ -283,7 +272,7 @@ OF_MISTAKES = (
     Fact(
         "axis not as drawn",
         _find_away,
-        Limit(check=MAX_AWAY_DEG),
+        Limit(check=5.0),  # degrees
         "the axis is {value}° from the nominal axis",
         "check the leads and the axes: {cause}",
     ),
@@ -311,9 +300,6 @@ OF_MISTAKES = (
         "its shunt or its source warms up",
         "warm it up before, and keep the current on for the same time in both directions",
     ),
-)
-"""What a coil that does not settle would show too."""
-OF_SESSION = (
     Fact(
         "one polarity",
         lambda fit: {} if (fit.current > 0).all() or (fit.current < 0).all() else None,
@@ -365,3 +351,12 @@ OF_SESSION = (
         "reverse the current more often, or put the reference nearer",
     ),
 )
+EFFECTS = {
+    "coil not settled": (
+        "large current",
+        "axis not as drawn",
+        "coil in the reference",
+        "ambient field differs",
+        "constant drifts",
+    )
+}

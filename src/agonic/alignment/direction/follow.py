@@ -20,8 +20,6 @@ from agonic.arrays import Array, Mask
 from agonic.calibration.steps import AnyCalibration
 from agonic.samples import Samples
 
-KEPT_S = 60.0
-"""Of attitudes, for readings that come late; beyond it no link delays and still delivers."""
 _USUAL = 1.5
 """Of their usual interval: farther apart, an attitude between two may be still to come."""
 _BESIDE = 3
@@ -101,7 +99,8 @@ class Follower:
         now, gap = waiting.select(np.flatnonzero(ready)), self._find_gap(stars)
         first, last = np.searchsorted(stars.time, compute_unix_s(now)[[0, -1]])
         near = stars.select(slice(max(int(first) - _BESIDE, 0), int(last) + _BESIDE))
-        self._stars = stars.select(np.flatnonzero(stars.time >= stars.time[-1] - KEPT_S - gap))
+        # for readings that come late; beyond a minute no link delays and still delivers
+        self._stars = stars.select(np.flatnonzero(stars.time >= stars.time[-1] - 60.0 - gap))
         return compute_direction(self._known, now, near, self._site, self._noise, gap)
 
     def finish(self) -> FieldDirection | None:

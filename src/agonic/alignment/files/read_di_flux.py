@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from agonic.alignment.files.tables import GON_DEG
 from agonic.alignment.session.laboratory import DiSheet
 from agonic.arrays import Array
 from agonic.errors import LogError
@@ -30,12 +31,8 @@ from agonic.logs.contents import to_number
 from agonic.provenance import Input, hash_file
 
 MARK = "# MagPy Absolutes"
-UNITS_DEG = {"gon": 0.9, "deg": 1.0}
+UNITS_DEG = {"gon": GON_DEG, "deg": 1.0}
 _PARTS = ("Miren:", "Positions:", "PPM:", "Result:")
-_SAME_DEG = 0.01
-"""Settings of the circles that differ by less are one, set anew."""
-_NEAR_S = 6 * 3600.0
-"""Readings of the total field farther away in time say nothing."""
 
 
 def is_di_flux(path: Path) -> bool:
@@ -152,7 +149,7 @@ def _said(head: dict[str, str], key: str, file: Path) -> float | None:
 
 def _settings(angles: Array) -> NDArray[np.int64]:
     """Numbers of the settings: a new one wherever a circle moved."""
-    moved = np.abs(np.diff(angles, axis=0)).max(axis=1) > _SAME_DEG
+    moved = np.abs(np.diff(angles, axis=0)).max(axis=1) > 0.01  # less is one setting, set anew
     return np.concatenate([[0], np.cumsum(moved)]).astype(np.int64)
 
 
@@ -164,7 +161,7 @@ def _magnitude(
         return None, ()
     time, field = _rows(lines, 2, file)
     away = np.abs(time - when)
-    if away.min() > _NEAR_S:
+    if away.min() > 6 * 3600.0:
         return None, ("the total field was measured at another time and is left out",)
     near = np.argsort(away, kind="stable")[:10]
     late = away[near].min()

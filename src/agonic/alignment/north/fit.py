@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -201,8 +201,6 @@ def _azimuth(fit: NorthFit, sighting: Sighting) -> Azimuth:
 
 def _examine(fit: NorthFit) -> Iterator[Finding]:
     """The findings of the gyro, of what was sighted, and of the platform."""
-    for name in fit.by:
-        yield from find_facts(OF_METHOD, fit, name)
     yield from find_facts(OF_GYRO, fit)
     for one in fit.azimuths:
         yield from find_facts(OF_SIGHTING, one)
@@ -210,12 +208,16 @@ def _examine(fit: NorthFit) -> Iterator[Finding]:
         yield from find_facts(OF_PLATFORM, fit.aligned)
 
 
-def _compare_methods(fit: NorthFit, name: str) -> Told:
-    """How many standard errors another method's north is from the one that is used."""
-    best, other = fit.by[fit.method], fit.by[name]
-    apart = abs(float(wrap_deg(other.reading_deg - best.reading_deg)))
-    sds = apart / max(float(np.hypot(other.sd_deg, best.sd_deg)), 1e-12)
-    return {"value": sds, "one": fit.method, "other": name, "by": 3600 * apart}
+def _compare_methods(fit: NorthFit) -> Told:
+    """The method whose north is most standard errors from the one that is used."""
+    best = fit.by[fit.method]
+
+    def compare(name: str) -> dict[str, Any]:
+        apart = abs(float(wrap_deg(fit.by[name].reading_deg - best.reading_deg)))
+        sds = apart / max(float(np.hypot(fit.by[name].sd_deg, best.sd_deg)), 1e-12)
+        return {"value": sds, "one": fit.method, "other": name, "by": 3600 * apart}
+
+    return max(map(compare, fit.by), key=lambda one: float(np.nan_to_num(one["value"])))
 
 
 def _find_short_swing(fit: NorthFit) -> Told:
@@ -250,7 +252,7 @@ def _find_misfit(found: Aligned) -> Told:
     )
 
 
-OF_METHOD = (
+OF_GYRO = (
     Fact(
         "methods disagree",
         _compare_methods,
@@ -259,8 +261,6 @@ OF_METHOD = (
         "check that all were read on one circle, east increasing, and that amplitudes and times "
         "belong together",
     ),
-)
-OF_GYRO = (
     Fact(
         "short swing",
         _find_short_swing,
@@ -304,7 +304,7 @@ OF_SIGHTING = (
 OF_PLATFORM = (
     Fact(
         "orientations",
-        lambda found: {} if len(found.orientation) < 2 else None,
+        lambda found: {} if len(found.orientation) <= 1 else None,
         "refuse",
         "one orientation does not determine the rotation about the field",
         "turn the platform to at least two others",

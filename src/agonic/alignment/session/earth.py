@@ -18,7 +18,6 @@ from agonic.maths.earth.earth_rotation import rot_ei, tai_utc_s
 from agonic.maths.rotations.frames import ARCSEC_RAD
 from agonic.units import DAY_S
 
-_MJD_UNIX = 40_587.0
 ARCSEC_PER_S = 15.041067
 """How far the Earth turns in a second of UT1."""
 _FIELDS = {
@@ -109,7 +108,7 @@ def load_earth_rotation() -> EarthRotation:
     from astropy_iers_data import IERS_A_FILE, __version__
 
     table = _columns(Path(IERS_A_FILE).read_text(encoding="ascii"))
-    unix = (table["mjd"] - _MJD_UNIX) * DAY_S
+    unix = (table["mjd"] - 40_587.0) * DAY_S  # 1970-01-01
     measured = unix[(table["kind"] == "I") & (table["ut1_kind"] == "I")]
     return EarthRotation(
         unix_s=unix,

@@ -21,8 +21,6 @@ from agonic.readable import Readable
 from agonic.samples import Samples
 from agonic.units import RAW
 
-OTHER_UNIT = 3.0
-"""Ratio of the two magnitudes from which one of the units must be wrong."""
 NOT_UNIT = 1e-3
 """How far an attitude may be from a rotation, or a quaternion's length from one."""
 
@@ -282,7 +280,7 @@ def _list_session_mistakes(session: Session) -> Iterator[AgonicError]:
         yield UnitError("a session needs fields in nT; name the unit of magnetometer and reference")
     ours = float(np.median(np.linalg.norm(session.corrected, axis=1)))
     theirs = float(np.median(np.linalg.norm(session.reference.field, axis=1)))
-    if not 1 / OTHER_UNIT < ours / max(theirs, 1e-9) < OTHER_UNIT:
+    if not 1 / 3 < ours / max(theirs, 1e-9) < 3:
         yield UnitError(
             f"the magnetometer reads {ours:.0f} nT and the reference {theirs:.0f} nT: one of the "
             "units is wrong"

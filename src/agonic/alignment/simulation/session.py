@@ -92,8 +92,7 @@ def _round(angle_rad: Array) -> Array:
 
 NIEMEGK = Site(latitude_deg=52.0725, longitude_deg=12.6750)
 MOUNTING_DEG = (37.0, 64.0, -112.0)
-TURN_S, OFFSET_S = 40, 0.25
-_VARIATION = 30.0
+TURN_S = 40
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,7 +181,7 @@ def simulate_session(
         star=_stars(
             site,
             rot[number],
-            begins.timestamp() + clock.astype(np.float64) + OFFSET_S,
+            begins.timestamp() + clock.astype(np.float64) + 0.25,
             number + 1,
             np.array([across_sd_arcsec] * 2 + [about_sd_arcsec]) * ARCSEC_RAD,
             (refraction, aberration),
@@ -248,7 +247,7 @@ def read_turned(
 def _vary_field(time: Array, rng: np.random.Generator) -> Array:
     """The field's slow variation (n, 3), nT."""
     periods = np.array([2_400.0, 5_100.0, 13_000.0])
-    size = _VARIATION * rng.standard_normal((3, 3)) / 2
+    size = 15.0 * rng.standard_normal((3, 3))
     phase = rng.uniform(0, 2 * np.pi, (3, 3))
     waves = np.sin(2 * np.pi * time[:, None, None] / periods[:, None] + phase)
     return np.asarray((size * waves).sum(axis=1))

@@ -45,7 +45,6 @@ from agonic.maths.rotations.frames import ARCSEC_RAD
 
 DOUBTED_ARCSEC = 10.0
 """A turn of the reference that happens: a clock wrong by 0.7 s, a variometer by 0.003°."""
-MAX_FROM_NOMINAL_SD = 4.0
 
 
 def examine(fit: AlignmentFit) -> AlignmentFit:
@@ -152,7 +151,7 @@ def _find_misfit(fit: AlignmentFit) -> dict[str, Mapping[str, Any]]:
     bad = result.freedom > 0 and result.p_value < RARE
     away_deg = np.degrees(np.linalg.norm(find_way_from_nominal(fit.session, result)))
     sd_deg = np.inf if fit.session.mounting is None else fit.session.mounting.sd_deg
-    if not bad and away_deg <= MAX_FROM_NOMINAL_SD * sd_deg:
+    if not bad and away_deg <= 4.0 * sd_deg:
         return {}
     seen = (
         f"the residuals are {figure(fit.residual_rms, 3)} nT rms, "
@@ -220,6 +219,13 @@ def _find_prediction(fit: AlignmentFit) -> Told:
     sd = earth.sd_arcsec(middle)
     newer = "install a newer astropy-iers-data and fit again" if sd > 0.5 else ""
     return {"date": fit.session.date, "sd": sd, "action": newer}
+
+
+def _find_pole(fit: AlignmentFit) -> Told:
+    beta = fit.angles_deg[1]
+    if not min(beta, 180.0 - beta) < 1.0:
+        return None
+    return {"known": "sum" if beta < 90 else "difference"}
 
 
 OF_UNKNOWNS = (
@@ -302,11 +308,7 @@ OF_SURROUNDINGS = (
     ),
     Fact(
         "near-zero beta",
-        lambda fit: (
-            {"known": "sum" if fit.angles_deg[1] < 90 else "difference"}
-            if min(fit.angles_deg[1], 180.0 - fit.angles_deg[1]) < 1.0
-            else None
-        ),
+        _find_pole,
         "note",
         "the third axes of star sensor and magnetometer are nearly parallel, so only the {known} "
         "of α and γ is determined; quaternion and matrix are good",
