@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agonic.field.coefficients import read_cof, read_shc
+from agonic.field.published import read_cof, read_shc
 
 
 def test_shc_is_linear_between_its_epochs() -> None:

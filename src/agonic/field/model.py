@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Index, Mask
 from agonic.errors import AgonicError, AgonicWarning, LogError, ValidityError
-from agonic.field.coefficients import GaussCoefficients
 from agonic.field.decimal_year import Moments, decimal_year
 from agonic.field.worldfield import Uncertainty, WorldField
 from agonic.maths.earth import geodesy, harmonics
@@ -83,6 +82,21 @@ PIECE_ROWS = 16_384
 """Points evaluated together: their intermediate arrays stay in the cache."""
 COMPILE_FROM = 100_000
 """Points from which the compiled kernel is asked for; below, starting the compiler costs more."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GaussCoefficients:
+    """Coefficients that are linear in time between epochs.
+
+    From `starts[i]` (i,), a decimal year, to the next epoch and at last to `until`, the
+    coefficients are value[i] + (year − starts[i]) · rate[i]; `value`, `rate` (i, 2, N+1, N+1) hold
+    g and h, Schmidt semi-normalised, by degree and order, in nT and nT/year.
+    """
+
+    starts: Array
+    until: float
+    value: Array
+    rate: Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,8 +7,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from agonic.field.coefficients import read_cof, read_shc
-from agonic.field.model import Model
+from agonic.field.model import GaussCoefficients, Model
 from agonic.field.worldfield import Uncertainty
 
 
@@ -93,3 +92,36 @@ def wmmhr() -> Model:
 
 def _text(name: str) -> str:
     return (files("agonic.field") / "data" / name).read_text(encoding="ascii")
+
+
+def read_shc(text: str) -> GaussCoefficients:
+    """The SHC format of the Swarm mission and the IGRF: one column for each epoch. After comments,
+    a line of lowest and highest degree and number of epochs, then the epochs, then a line for each
+    coefficient: degree, order (negative for h), and its value at each epoch."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    top = int(lines[0].split()[1])
+    epochs = np.array(lines[1].split(), dtype=np.float64)
+    table = np.array([line.split() for line in lines[2:]], dtype=np.float64)
+    degree, order = table[:, 0].astype(int), table[:, 1].astype(int)
+    nodes = np.zeros((len(epochs), 2, top + 1, top + 1))
+    nodes[:, (order < 0).astype(int), degree, np.abs(order)] = table[:, 2:].T
+    rate = np.diff(nodes, axis=0) / np.diff(epochs)[:, None, None, None]
+    return GaussCoefficients(
+        starts=epochs[:-1], until=float(epochs[-1]), value=nodes[:-1], rate=rate
+    )
+
+
+def read_cof(text: str) -> GaussCoefficients:
+    """The COF format of the World Magnetic Model: one epoch, valid for five years. After a line
+    with the epoch, a line for each degree and order: g, h, and their yearly change; a line of nines
+    ends the file."""
+    header, *lines = text.splitlines()
+    rows = [line.split() for line in lines if line.strip() and not line.startswith("9999")]
+    table = np.array(rows, dtype=np.float64)
+    degree, order = table[:, 0].astype(int), table[:, 1].astype(int)
+    both = np.zeros((2, 2, degree.max() + 1, degree.max() + 1))
+    both[:, :, degree, order] = table[:, 2:6].T.reshape(2, 2, -1)
+    epoch = float(header.split()[0])
+    return GaussCoefficients(
+        starts=np.array([epoch]), until=epoch + 5.0, value=both[:1], rate=both[1:]
+    )
