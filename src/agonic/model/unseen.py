@@ -25,12 +25,12 @@ class Unseen(NamedTuple):
 
 
 class LeftOut(NamedTuple):
-    """Each block by the fit to all others: how far the unknowns move without it (b, m), how much
-    less is known of them (b, m, m), and what is left of its squares, as they are and over what they
-    should be, (b,)."""
+    """Each block by the fit to all others: the information (b, m, m) and the unknowns (b, m) of
+    that, and what is left of the block's squares, as they are and over what they should be, (b,).
+    """
 
-    apart: Array
-    wider: Array
+    information: Array
+    unknowns: Array
     square: Array
     standard: Array
 
@@ -46,18 +46,13 @@ def leave_out(blocks: Array, base: Base) -> LeftOut:
     """
     whole = np.asarray(np.linalg.inv(base.inverse), dtype=np.float64)
     own, score, squares = blocks[:, :-1, :-1], blocks[:, :-1, -1], blocks[:, -1, -1]
-    inverses = np.asarray(np.linalg.inv(whole - own), dtype=np.float64)
-    without = _times(inverses, whole @ base.estimate - score)
-    pull = score - _times(own, without)
+    others, right = whole - own, whole @ base.estimate - score
+    unknowns = np.asarray(np.linalg.solve(others, right[:, :, None])[:, :, 0])
+    pull = score - (own @ unknowns[:, :, None])[:, :, 0]
     least = ROUNDING * squares
-    square = np.maximum(squares - np.sum((score + pull) * without, axis=1), least)
+    square = np.maximum(squares - np.sum((score + pull) * unknowns, axis=1), least)
     standard = np.maximum(square - np.sum((pull @ base.inverse) * pull, axis=1), least)
-    return LeftOut(without - base.estimate, inverses - base.inverse, square, standard)
-
-
-def _times(matrices: Array, vectors: Array) -> Array:
-    """Matrices (b, m, m) times vectors (b, m)."""
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+    return LeftOut(others, unknowns, square, standard)
 
 
 def predict_unseen(blocks: Array, counts: Array, base: Base, level: Array) -> Unseen:
@@ -67,8 +62,9 @@ def predict_unseen(blocks: Array, counts: Array, base: Base, level: Array) -> Un
     heading.
     """
     m, left = level.shape[1], leave_out(blocks, base)
-    moves = np.mean((left.apart[:, :m] @ level.T) ** 2, axis=1)
-    spread = np.sum(left.wider[:, :m, :m] * (level.T @ level / len(level)), axis=(1, 2))
+    moves = np.mean(((left.unknowns - base.estimate)[:, :m] @ level.T) ** 2, axis=1)
+    wider = np.linalg.inv(left.information) - base.inverse
+    spread = np.sum(wider[:, :m, :m] * (level.T @ level / len(level)), axis=(1, 2))
     expected = np.maximum(spread, 0.0)
     return Unseen(
         float(np.sqrt(left.standard.sum() / counts.sum())),

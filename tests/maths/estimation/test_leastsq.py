@@ -262,3 +262,17 @@ def test_the_noise_of_one_channel_is_not_taken_for_that_of_another() -> None:
         np.zeros(2),
     )
     assert np.diag(found.covariance) == pytest.approx([1 / 500, 1 / 500], rel=0.15)
+
+
+def test_steps_that_shrink_slowly_end_soon() -> None:
+    """A second population within reach of the loss: its cost curves half as much as its weights."""
+    rng = np.random.default_rng(0)
+    values = np.concatenate([rng.normal(size=400), rng.normal(4.0, size=200)])
+    design = np.ones((len(values), 1))
+    found = leastsq.solve(
+        in_pieces(design, values, []), np.array([2.0]), scale=1.0, loss=tukey(), tolerance=1e-6
+    )
+    z = found.params - values
+    assert found.converged
+    assert found.iterations <= 5  # 22 by plain steps
+    assert np.sum(tukey().weight(z * z) * z) == pytest.approx(0.0, abs=1e-3)

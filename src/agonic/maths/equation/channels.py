@@ -24,7 +24,6 @@ from agonic.maths.equation.affine import (
     Derivatives,
     azimuth_residual,
     dip_residual,
-    expand_covariates,
     magnitude_residual,
     model_basis,
     split,
@@ -38,7 +37,7 @@ from agonic.maths.equation.inertial import (
 from agonic.maths.equation.priors import make_prior
 from agonic.maths.estimation import leastsq
 
-_ROWS = 8192  # temporaries stay in the cache, and calls cost little beside them
+_ROWS = 4096  # temporaries stay in the cache, and calls cost little beside them
 
 
 class Dip(NamedTuple):
@@ -179,20 +178,21 @@ def pieces(
     Parameters: what a reading scatters by on an axis, and which share of the channel's variance
     errors of the attitude make, for both stand in residuals and Jacobian alike.
     """
-    basis = problem.basis
+    m, k = problem.basis.shape[1], 0 if problem.terms is None else problem.terms.shape[1]
+    onto, m_all = problem.basis.T, m + 3 * k
 
     def blocks(params: Array) -> Iterator[tuple[Array, Array]]:
-        unknowns = _unknowns(problem, params)
         for part in _parts(problem, channel):
             r, jacobian = _residual(part, channel, params, (noise_sd, share))
-            reduced = [basis.T @ jacobian.T[:12]]  # a row a parameter: what follows is faster so
+            local = jacobian.T
+            reduced = np.empty((len(params), len(r)))  # a row a parameter: what follows is faster
+            np.matmul(onto, local[:12], out=reduced[:m])
             if part.terms is not None:
-                reduced.append(expand_covariates(jacobian[:, :3], part.terms).T)
-            if len(unknowns):
-                by_shared = np.zeros((len(unknowns), len(r)))
-                by_shared[: jacobian.shape[1] - 12] = jacobian.T[12:]
-                reduced.append(by_shared)
-            yield r, (reduced[0] if len(reduced) == 1 else np.concatenate(reduced)).T
+                slopes = reduced[m:m_all].reshape(3, k, -1)
+                np.multiply(local[:3, None], part.terms.T, out=slopes)
+            shared = m_all + len(local) - 12
+            reduced[m_all:shared], reduced[shared:] = local[12:], 0.0
+            yield r, reduced.T
 
     return blocks
 

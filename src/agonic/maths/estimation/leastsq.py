@@ -34,6 +34,12 @@ class Normal(NamedTuple):
     residuals: Array  # all residuals, in their own units; none where they were not kept
     total: int  # how many there were
 
+    @property
+    def curved(self) -> float:
+        """Σρ''/Σw, by which the cost curves less than the weights alone would have it; where nearly
+        all readings are outliers it says nothing, and it must stay positive."""
+        return max(self.curvature / max(self.weight, 1e-300), 0.1)
+
 
 class Channel(NamedTuple):
     """Residuals of one kind: their standard deviation, loss, and the correlation length.
@@ -204,21 +210,43 @@ def minimise(
     params, damping = np.array(start, dtype=np.float64), 1e-6
     sums = _sums(channels, params, prior)
     converged, iterations = False, 0
+    before: _Step | None = None
     while iterations < max_iterations and not converged:
-        step = _step(sums.information, sums.gradient, damping)
-        if float(step @ sums.information @ step) < tolerance**2:
+        plain = _step(sums.information, sums.gradient, damping)
+        square = float(plain @ sums.information @ plain)
+        if square < tolerance**2:
             converged = True
             break
         iterations += 1
+        shrinks = before is not None and square < min(before.square, 1.0)
+        step = _mix(plain, before, sums.information) if before is not None and shrinks else plain
         there = move(params, step)
         trial = _sums(channels, there, prior)
         if np.isfinite(trial.cost) and trial.cost <= sums.cost:
-            params, sums = there, trial
+            params, sums, before = there, trial, _Step(plain, step, square)
             damping = max(damping / 10, 1e-12)
+        elif shrinks:
+            before = None  # the plain step is left
         else:
             damping = max(damping * 10, 1e-4)
             converged = damping > 1e10
     return Minimum(params, sums, iterations, converged)
+
+
+class _Step(NamedTuple):
+    """A step of Gauss and Newton, what was taken of it, and its square in standard errors."""
+
+    plain: Array
+    taken: Array
+    square: float
+
+
+def _mix(step: Array, before: _Step, metric: Array) -> Array:
+    """A step mixed with the one before, so that steps which shrink by a constant factor, as where
+    outliers tell most of a direction, end at once (D. G. Anderson 1965, J. ACM 12, 547)."""
+    apart = step - before.plain
+    by = metric @ apart
+    return step - float(step @ by) / max(float(apart @ by), _TINY) * (before.taken + apart)
 
 
 def _sums(channels: Sequence[Channel], params: Array, prior: Prior | None) -> Sums:
@@ -240,7 +268,7 @@ def join(
     for normal, correlation in zip(normals, correlations, strict=True):
         cost += normal.cost / correlation
         gradient = gradient + normal.gradient / correlation
-        information += normal.information / correlation
+        information += normal.information * (normal.curved / correlation)
     return Sums(list(normals), cost, gradient, information, known)
 
 
@@ -271,13 +299,11 @@ def find_covariance(
     """
     parts, scatters = [], []
     for normal, correlation, spread in zip(sums.normals, correlations, spreads, strict=True):
-        # where nearly all readings are outliers the curvature says nothing; it must stay positive
-        curved = max(normal.curvature / max(normal.weight, 1e-300), 0.1)
         n, m = normal.total, len(sums.known)
         freedom = n / max(n - m, 1)
-        parts.append(normal.information * (curved / correlation))
+        parts.append(normal.information * (normal.curved / correlation))
         known = normal.weight > 0
-        seen = normal.scatter / normal.weight / curved if known else 1.0
+        seen = normal.scatter / normal.weight / normal.curved if known else 1.0
         scatters.append(freedom * seen * spread if known else 1.0)
     data, least = np.sum(parts, axis=0), min(scatters)
     bread = inverse(data + sums.known)
