@@ -31,7 +31,7 @@ from agonic.model.terms.time import STEP
 LEAST_NOISE = 1e-8
 """Of the field, 0.5 pT: what is less is rounding."""
 _ROUNDS = 3
-_SETTLED = 0.01
+_SETTLED = 0.03  # by more, and twice the log-likelihood of a term moves by a tenth of it
 
 
 class Explained(NamedTuple):

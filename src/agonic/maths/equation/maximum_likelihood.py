@@ -173,10 +173,10 @@ def _search(
 
 
 def _leads_to(start: Array, found: Estimate) -> bool:
-    """Whether a start is so near to a minimum, all in all within a standard error, that it leads
-    there."""
+    """Whether a start is so near to a minimum, within a standard error of each unknown, that it
+    leads there."""
     apart = start - found.solution.params
-    return bool(apart @ leastsq.inverse(found.solution.covariance) @ apart < 1.0)
+    return bool(apart @ leastsq.inverse(found.solution.covariance) @ apart < len(apart))
 
 
 def refine(problem: Problem, params: Array, robust: bool, spread: Index | None = None) -> Estimate:
