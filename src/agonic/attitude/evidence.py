@@ -28,7 +28,6 @@ from agonic.health import (
     check_mounting,
     check_resolution,
     check_scale,
-    examine,
     figure,
     find_side,
     inspect,
@@ -45,7 +44,7 @@ from agonic.maths.equation.maximum_likelihood import Estimate
 from agonic.maths.one_pass import find_length, median
 from agonic.maths.rotations.tilt import heading_by_vectors_deg
 from agonic.model.posterior import Posterior
-from agonic.model.verdict import judge, shows_changes
+from agonic.model.verdict import examine_beside_terms, judge
 from agonic.samples import Samples
 
 ATTITUDE_DOUBTFUL_DEG = 5.0
@@ -93,12 +92,10 @@ def assess(
     evidence = gather_evidence(fit, plain, samples, cleaned, normals, usable, plain.magnitude)
     tilt_sd = _tilt_sd_deg(channels, evidence.radius)
     mounted = compute_mounted_heading(plain, coverage)
-    own = replace(coverage, heading_sd_deg=mounted.own_sd_deg)
-    evidence = replace(evidence, coverage=own)
+    evidence = replace(evidence, coverage=replace(coverage, heading_sd_deg=mounted.own_sd_deg))
     found = _findings(samples, evidence, problem, cleaned, channels, tilt_sd, posterior)
     named = {one.name for one in found}
-    judged = judge(posterior, own, samples.unit, evidence.radius, evidence.time, found)
-    found += tuple(one for one in judged if one.name not in named)
+    found += tuple(one for one in judge(posterior, evidence, found) if one.name not in named)
     told = check_turned_sensor(mounted, turned) if "dip" in channels else None
     bent = {f.name for f in found if f.severity == "refuse"} & {"mounting", "attitude"}
     column = None if bent else _check_heading(plain, cleaned, samples, problem, weights > 0)
@@ -235,8 +232,7 @@ def _findings(
         return (REVERSED_FIELD, *seen)
     gain = evidence.known_radius / evidence.radius if evidence.known_radius else 1.0
     half = _half_seen(evidence, problem, cleaned)
-    left = None if posterior is None else posterior.left_without_steps
-    examined = examine(evidence, shows_changes(posterior), left, attitude_aided=True)
+    examined = examine_beside_terms(evidence, posterior, attitude_aided=True)
     coarse = check_resolution(samples.field, evidence.radius, samples.unit)
     known = evidence.known_radius
     size = median(find_length(samples.field)) / known if known else None

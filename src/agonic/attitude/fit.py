@@ -34,9 +34,8 @@ from agonic.health import MIN_READINGS, figure, find_usable_rows
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import FREE, SYMMETRIC
 from agonic.maths.equation.channels import Problem
-from agonic.maths.equation.maximum_likelihood import Estimate
+from agonic.maths.equation.maximum_likelihood import Estimate, estimate_part
 from agonic.maths.equation.noisy_terms import correct_for_current_noise
-from agonic.maths.equation.parts import estimate_part
 from agonic.maths.equation.priors import compute_turn
 from agonic.maths.estimation.inference import wald
 from agonic.model.posterior import find_posterior
@@ -173,9 +172,7 @@ def make_fit(
             alone=part.shared is not None,
         )
     if posterior is not None:
-        solution = found.solution
-        known = solution._replace(params=posterior.params, covariance=posterior.covariance)
-        found = found._replace(solution=known)
+        found = posterior.average(found)
     affine = make_calibration(found, problem, scale, samples, settings, name)
     at = (problem, scale, samples, usable, tests, turned, settings, posterior)
     return assess(affine, found, *at)

@@ -12,7 +12,7 @@ from agonic.coverage import OPEN_DEG, Coverage, compute_coverage
 from agonic.ellipse.maths.conic import find_start
 from agonic.ellipse.result import TURN, EllipseFit, examine_circle
 from agonic.ellipsoid.problem import make_calibration_of, pose, rows_of
-from agonic.ellipsoid.solve import Found, average_over_terms, list_numbers
+from agonic.ellipsoid.solve import Found, list_numbers
 from agonic.errors import AgonicError, CoverageError
 from agonic.health import MIN_READINGS, figure
 from agonic.maths.equation.channels import compute_distances
@@ -73,7 +73,7 @@ def fit_ellipse(
     estimate = refine(problem, find_start(posed.points[:, :2], seed), robust)
     time = None if samples.time is None else samples.time[rows_of(posed.usable)]
     posterior = find_posterior(problem, estimate, time, posed.origin, inclination_deg=0.0)
-    found = average_over_terms(list_numbers(estimate, "ellipse"), posterior)
+    found = list_numbers(posterior.average(estimate) if posterior else estimate, "ellipse")
     told = "none: mean gain set to 1" if place is None else place.describe()
     calibration = replace(  # along z the mean gain, so that it can be undone
         make_calibration_of(samples, found, posed.scale, "symmetric"),

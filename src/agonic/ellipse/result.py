@@ -11,11 +11,11 @@ import numpy as np
 from agonic.arrays import Array, Index, Mask
 from agonic.ellipse.maths.conic import compute_turns, find_sectors, fit_circle
 from agonic.fit import Fit, gather_evidence
-from agonic.health import Finding, examine, inspect
+from agonic.health import Finding, inspect
 from agonic.health.finding import Fact, Limit, Told, find_facts
 from agonic.maths.rotations.tilt import down_from_force, roll_pitch_deg, tilt_from_down
 from agonic.model.posterior import Posterior
-from agonic.model.verdict import judge, shows_changes
+from agonic.model.verdict import examine_beside_terms, judge
 from agonic.readable import Shown
 from agonic.samples import Samples
 
@@ -85,14 +85,12 @@ def examine_circle(
     evidence = gather_evidence(
         fit, fit.calibration, fit.samples, fit.samples.field, normals, usable, None
     )
-    left = None
     if posterior is not None:  # of z nothing is asked
-        left, held = posterior.left_without_steps, posterior.held
+        held = posterior.held
         posterior = posterior._replace(held=held._replace(bias_sd=held.bias_sd * [1.0, 1.0, 0.0]))
-    examined = examine(evidence, shows_changes(posterior), left, attitude_aided=True)
+    examined = examine_beside_terms(evidence, posterior, attitude_aided=True)
     facts = [*seen, *examined, *find_facts(OF_USE, circle)]
-    at = (evidence.unit, evidence.radius, evidence.time)
-    judged = judge(posterior, fit.coverage, *at, facts)
+    judged = judge(posterior, evidence, facts)
     return (*facts, *(_name_tilt(o) if o.name == "correlated noise" else o for o in judged))
 
 

@@ -17,7 +17,6 @@ from agonic.health import (
     check_magnitude,
     check_resolution,
     check_scale,
-    examine,
     find_usable_rows,
     inspect,
 )
@@ -26,7 +25,7 @@ from agonic.maths.equation.coverage import count_visits
 from agonic.maths.estimation.noise.residuals import estimate_noise
 from agonic.maths.rotations.attitude import down_b
 from agonic.model.posterior import Posterior
-from agonic.model.verdict import judge, shows_changes
+from agonic.model.verdict import examine_beside_terms, judge
 from agonic.reference import Reference
 from agonic.samples import Samples
 from agonic.units import STANDARD_GRAVITY_M_S2
@@ -198,10 +197,8 @@ def assess(
         return fit.with_findings()
     known = _known_radius(affine, reference)
     evidence = gather_evidence(fit, affine, samples, samples.field, normals, usable, known)
-    left = None if posterior is None else posterior.left_without_steps
-    facts = examine(evidence, shows_changes(posterior), left, attitude_aided=attitude_aided)
-    at = (samples.unit, evidence.radius, evidence.time)
-    fit = fit.with_findings(*facts, *judge(posterior, coverage, *at, facts))
+    facts = examine_beside_terms(evidence, posterior, attitude_aided=attitude_aided)
+    fit = fit.with_findings(*facts, *judge(posterior, evidence, facts))
     if not any(finding.name == "static" for finding in fit.findings):
         fit = fit.with_findings(check_resolution(samples.field, evidence.radius, samples.unit))
     if fit.verdict == "refused":

@@ -24,7 +24,6 @@ from agonic.ellipsoid.settings import (
 )
 from agonic.ellipsoid.solve import (
     Found,
-    average_over_terms,
     choose_model,
     list_numbers,
     no_ellipsoid,
@@ -37,7 +36,7 @@ from agonic.fit import Fit, ModelTest
 from agonic.health import Finding, check_resolution, figure, inspect
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation import moments
-from agonic.maths.equation.parts import estimate_part
+from agonic.maths.equation.maximum_likelihood import estimate_part
 from agonic.model.posterior import find_posterior
 from agonic.provenance import Provenance
 from agonic.reference import Reference
@@ -176,7 +175,11 @@ def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> F
         )
         if posterior is not None and terms:  # which have what the reference may be wrong by
             posed = posed._replace(scale=posed.scale._replace(sd=0.0))
-    found = average_over_terms(found, posterior)
+        if posterior is not None:
+            averaged = posterior
+            if found.model != "full":  # one that is asked for keeps its estimate
+                averaged = posterior._replace(params=found.estimate.solution.params)
+            found = list_numbers(averaged.average(found.estimate), found.model)
     affine = _make_affine(posed, found, samples, reference, settings)
     assert affine.noise is not None
     found = found._replace(noise=affine.noise)

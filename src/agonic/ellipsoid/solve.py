@@ -17,7 +17,6 @@ from agonic.maths.equation.affine import model_basis, split
 from agonic.maths.equation.channels import Problem
 from agonic.maths.equation.maximum_likelihood import Estimate, estimate
 from agonic.maths.equation.starting_values import nearest_parameters
-from agonic.model.posterior import Posterior
 
 SIGNIFICANT = 0.01
 """A larger model is kept when the smaller one would be this improbable."""
@@ -84,18 +83,6 @@ def list_numbers(estimate: Estimate, model: Fixed) -> Found:
         solution.converged,
         estimate,
     )
-
-
-def average_over_terms(found: Found, posterior: Posterior | None) -> Found:
-    """The estimate and covariance averaged over the sizes of all terms; a smaller model than a full
-    one that is asked for keeps its estimate."""
-    if posterior is None:
-        return found
-    bias, matrix = found.bias, found.matrix
-    if found.model in ("full", "ellipse"):
-        bias, matrix = split(model_basis(found.model) @ posterior.params)
-    covariance = gauge.expand_model_covariance(found.model, posterior.covariance)
-    return found._replace(bias=bias, matrix=matrix, covariance=covariance)
 
 
 def solve_algebraic(sums: Array, model: Fixed, method: Method) -> Found:

@@ -28,7 +28,7 @@ def fit_filter(residuals: Array) -> Array:
     factor."""
     n = len(residuals)
     most = min(MOST_LAGS, n // ROWS_PER_LAG)
-    covariances = np.array([residuals[: n - k] @ residuals[k:] for k in range(most + 1)]) / n
+    covariances = np.correlate(np.append(residuals, np.zeros(most)), residuals) / n
     if not covariances[0] > 0.0:
         return WHITE
     from scipy.linalg.lapack import dpotrf  # here, so that what only reads a log loads no SciPy

@@ -138,10 +138,10 @@ class Posterior(NamedTuple):
     held: Held
     unseen: Unseen
 
-    @property
-    def left_without_steps(self) -> float | None:
-        """What is left where no step of the bias explains any of it; None where one does."""
-        return None if any(one.row is not None for one in self.shares) else self.left
+    def average(self, estimate: Estimate) -> Estimate:
+        """The estimate with parameters and covariance averaged over the sizes of all terms."""
+        known = estimate.solution._replace(params=self.params, covariance=self.covariance)
+        return estimate._replace(solution=known)
 
     def list_shares(self) -> Mapping[str, float]:
         """The standard error of a level heading by what makes it, degrees, the largest first."""

@@ -14,7 +14,9 @@ from agonic.health.evidence import (
     HEADING_REFUSED_DEG,
     RECORD_LONGER,
     SHIFT_DOUBTFUL,
+    Evidence,
 )
+from agonic.health.examine import examine
 from agonic.health.finding import Finding, Severity, describe_moments, figure, sort_findings
 from agonic.model.average import EVIDENCE
 from agonic.model.posterior import BY_CHANCE, Posterior
@@ -41,23 +43,28 @@ _PRIOR = (
 )
 
 
-def judge(
-    posterior: Posterior | None,
-    coverage: Coverage,
-    unit: str,
-    radius: float,
-    time: Array | None,
-    facts: Sequence[Finding] = (),
+def examine_beside_terms(
+    evidence: Evidence, posterior: Posterior | None, *, attitude_aided: bool
 ) -> tuple[Finding, ...]:
-    """The findings of a fit.
+    """What the evidence gives away of the readings, beside the terms that are seen."""
+    if posterior is None:
+        return examine(evidence, attitude_aided=attitude_aided)
+    shares = posterior.shares
+    changes = posterior.memory_deg > 0.0 or any(
+        one.odds > EVIDENCE and not one.term.unit for one in shares
+    )
+    left = None if any(one.row is not None for one in shares) else posterior.left
+    return examine(evidence, changes, left, attitude_aided=attitude_aided)
 
-    Parameters: coverage with the heading's standard error; the radius of the readings in their
-    unit; `time` (n,) of the rows of the fit, None where they have none; `facts` of the record that
-    are known: where one of them forbids the fit there is nothing more to say of it, and what moved
-    the bias is told once.
-    """
+
+def judge(
+    posterior: Posterior | None, evidence: Evidence, facts: Sequence[Finding] = ()
+) -> tuple[Finding, ...]:
+    """The findings of a fit beside the `facts` of its record: where one of these forbids the fit
+    there is nothing more to say of it, and what moved the bias is told once."""
     if any(fact.severity == "refuse" for fact in facts):
         return ()
+    coverage, unit, radius = evidence.coverage, evidence.unit, evidence.radius
     if posterior is None:
         return tuple(_doubt_heading(coverage, None))
     changed = any(fact.name == STEP.name for fact in facts)
@@ -66,7 +73,7 @@ def judge(
         for one in posterior.shares
         if one.odds > EVIDENCE and not (changed and one.term.name in OF_TIME)
     ]
-    terms = {one.name: one for one in _name_terms(shown, unit, radius, time)}
+    terms = {one.name: one for one in _name_terms(shown, unit, radius, evidence.time)}
     for doubt in _doubt_heading(coverage, posterior):  # of one cause the graver is told
         own = terms.get(doubt.name, doubt)
         terms[doubt.name] = replace(sort_findings([doubt, own])[0], moments=own.moments)
@@ -166,15 +173,6 @@ def _report_once(found: list[Finding], changed: bool) -> list[Finding]:
     told = sort_findings(found)
     first = [one for one in told[:1] if one.severity == "refuse" or not changed]
     return [*first, *(replace(one, severity="note", move="") for one in told[len(first) :])]
-
-
-def shows_changes(posterior: Posterior | None) -> bool | None:
-    """Whether anything but white noise is seen beside the calibration; `None`: nobody looked."""
-    if posterior is None:
-        return None
-    return posterior.memory_deg > 0.0 or any(
-        one.odds > EVIDENCE and not one.term.unit for one in posterior.shares
-    )
 
 
 def _name_terms(

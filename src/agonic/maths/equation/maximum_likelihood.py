@@ -44,6 +44,7 @@ _NEGLIGIBLE = 0.01  # noise over the field that leaves no doubt about a fit
 MIN_INFORMATION = 1e-6
 """Of the information along the best known direction: what less is known of is not told."""
 _MAX_CLEAR_SD = 0.05  # standard error over the field, or over the gain
+_NEVER = 1e-9  # of its standard deviation: a term that changes by less in a part is still there
 
 
 class Estimate(NamedTuple):
@@ -253,6 +254,27 @@ def solve_with_noise(problem: Problem, noise: dict[str, Noise], params: Array) -
         tolerance=1e-2,
         move=problem.move,
     )
+
+
+def estimate_part(problem: Problem, whole: Estimate, rows: Index) -> Estimate | None:
+    """The estimate by rows (k,) of the problem that the `whole` is of, with its noise and weights:
+    its minimum lies a few of its own standard errors from that of all readings.
+
+    None where not nearly all of the rows agree with the whole, or they do not tell all of its
+    unknowns.
+    """
+    weights = whole.weights[rows]
+    if len(rows) < len(whole.solution.params) or np.mean(weights == 0.0) > MAX_WRONG_SHARE:
+        return None
+    part = problem.subset(rows[weights > 0.0])
+    if part.terms is not None and (np.ptp(part.terms, axis=0) < _NEVER).any():
+        return None
+    try:
+        solution = solve_with_noise(part, whole.noise, whole.solution.params)
+    except np.linalg.LinAlgError:
+        return None
+    residuals = {channel: of[rows] for channel, of in whole.residuals.items()}
+    return Estimate(solution, whole.noise, residuals, weights)
 
 
 def find_attitude_shares(
