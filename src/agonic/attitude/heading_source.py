@@ -83,7 +83,7 @@ follows, and it does not matter either."""
 NEARER, FOLLOWS_DEG = 0.5, 12.0
 """A heading follows what it scatters about by less than half as much as about the other, and by no
 more than a filter does; one in other units or axes follows neither."""
-ENOUGH = 3_000
+MOST_ROWS = 3_000
 """Rows, evenly spaced, that tell the calibrated field well enough to compare a heading with."""
 STRETCH_S, LEAST_ROWS = 20.0, 10
 CONTRADICTS = 5.0
@@ -127,7 +127,7 @@ def _find_followed(
     samples: Samples, reference: Reference, calibration: Affine | None
 ) -> tuple[str, float, float] | None:
     """What the heading follows, and how far it scatters about that and the calibrated field."""
-    some = np.arange(0, len(samples), -(-len(samples) // ENOUGH))
+    some = np.arange(0, len(samples), -(-len(samples) // MOST_ROWS))
     samples, reference = samples.select(some), reference.select(some)
     assert samples.heading_deg is not None
     assert samples.roll_deg is not None

@@ -113,7 +113,7 @@ def is_robust(part: Problem, settings: Settings) -> bool:
 
 OTHER_DEG = 1.0
 """What else errs in the azimuth of a row, about: tilt, time, noise of the magnetometer."""
-ENOUGH = 0.5
+MIN_HEADING_KNOWN = 0.5
 
 
 class Scale(NamedTuple):
@@ -236,7 +236,7 @@ def _across(attitude: Array, reference: Reference) -> Array:
 def is_known(samples: Samples) -> bool:
     """Whether the heading is there, is not the magnetometer's own, and is known in most rows."""
     there = samples.heading_deg is not None and not samples.heading_estimated
-    return there and float(samples.heading_known.mean()) >= ENOUGH
+    return there and float(samples.heading_known.mean()) >= MIN_HEADING_KNOWN
 
 
 def weigh_rows(samples: Samples) -> Array | None:

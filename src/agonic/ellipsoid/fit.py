@@ -82,7 +82,7 @@ def open_ellipsoid_parts(
     return fit
 
 
-WORSE = 0.5
+MAX_LEFT_OF_CONSTANT = 0.5
 """What one magnitude for all rows leaves, over what those of the rows do: below, they are wrong."""
 LEFT_UNSEEN = 1e-3
 """Of the field: what magnitudes leave less of it errs a heading by no more than 0.1°."""
@@ -199,7 +199,7 @@ def _check_magnitudes(solved: _Solved, samples: Samples, settings: Settings) -> 
     alone = _solve(samples, Reference.constant(magnitude), settings).found
     left, least = (one.noise * float(np.trace(one.matrix)) / 3 for one in (solved.found, alone))
     left = float(np.hypot(left, course.noise))
-    if left < (MOST_LEFT if least > WORSE * left else LEFT_UNSEEN):
+    if left < (MOST_LEFT if least > MAX_LEFT_OF_CONSTANT * left else LEFT_UNSEEN):
         return None
     given, by_one = (figure(noise * magnitude) for noise in (left, least))
     return Finding(

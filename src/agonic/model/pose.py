@@ -30,7 +30,7 @@ from agonic.model.terms.time import STEP
 
 LEAST_NOISE = 1e-8
 """Of the field, 0.5 pT: what is less is rounding."""
-_ROUNDS = 3
+_MOST_SIZINGS = 3
 _SETTLED = 0.03  # by more, and twice the log-likelihood of a term moves by a tenth of it
 
 
@@ -110,7 +110,7 @@ class Search:
         blocks = Blocks(white, edges, self.radius)
         by_channel, n = blocks.add(), float(edges[-1])
         there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
-        for _ in range(_ROUNDS):
+        for _ in range(_MOST_SIZINGS):
             gram = np.tensordot(sds**-2.0, by_channel, axes=1)
             there, base = choose(gram, self.prior, self.groups, there)
             before, sds = sds, _find_sds(by_channel, base, sds, n)

@@ -30,7 +30,7 @@ HUBER = 1.345
 CHANCE = 0.05
 """How often a log without any disturber may have one taken, whatever the number of candidates."""
 RECORDED = "recorded"
-_ROUNDS = 2
+_WEIGHINGS = 2
 
 
 class Weighed(NamedTuple):
@@ -142,7 +142,7 @@ def _explain(
     left = [compute_residuals(rows.problem, one, params) for one in channels]
     recorded = {i for i, one in enumerate(terms) if one.name == RECORDED}
     whole, _ = pose(rows, estimate, terms, None)
-    for _ in range(_ROUNDS):
+    for _ in range(_WEIGHINGS):
         over = np.max([np.abs(one) / sd for one, sd in zip(left, sds, strict=True)], axis=0)
         roots = np.sqrt(np.minimum(1.0, HUBER / np.maximum(over, 1e-300)))
         search = whole.weigh(roots)

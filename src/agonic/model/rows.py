@@ -26,7 +26,7 @@ from agonic.maths.one_pass import find_length
 from agonic.model.gram import Stack
 from agonic.model.term import Errors, Seen
 
-_ROUNDS = 2
+_PROJECTIONS = 2
 """Projections onto a curved surface; two leave 1e-9 of the field for noise of a hundredth."""
 
 
@@ -45,7 +45,7 @@ def move_to_footpoints(problem: Problem, estimate: Estimate) -> Problem:
         way = gradients / np.maximum(find_length(gradients), 1e-300)[:, None]
         share = min(estimate.noise["magnitude"].sd / noise.sd, 1.0) ** 2
         points = points + (share * residuals)[:, None] * way
-    for _ in range(_ROUNDS):
+    for _ in range(_PROJECTIONS):
         r, normals = compute_distances(points, bias, matrix, problem.magnitude)
         points = points - r[:, None] * normals
     standing = problem._replace(points=points)

@@ -104,7 +104,7 @@ DELAYS_S = (-1.0, -0.5, -0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.4
 TIME_CONSTANTS = (-16.0, -8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Time constants, over the step of the rows or 0.1 s, whichever is longer."""
 _SHORTEST_S = 0.1
-_ROUNDS = 4
+_MOST_STEPS = 4
 
 
 class Shape(NamedTuple):
@@ -213,7 +213,7 @@ def _refine(
 ) -> float:
     """The value near one of the grid that the log determines."""
     reach = 0.5 * abs(value)
-    for _ in range(_ROUNDS):
+    for _ in range(_MOST_STEPS):
         measured = _measure_move(log, others, sources, what, value, white=True)
         if measured is None:
             break

@@ -28,7 +28,7 @@ from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.one_pass import median
 
-_ROUNDS = 4  # of reweighting a stretch's azimuth
+_REWEIGHTINGS = 4  # of reweighting a stretch's azimuth
 _LEAST = 1e-6  # weight, so that a stretch of outliers has an azimuth too
 
 
@@ -183,7 +183,7 @@ def _agree(azimuth: Array, square: Array, stretch: Index) -> tuple[Array, Array]
     count, loss = int(stretch.max()) + 1, tukey()
     cosine, sine, size = np.cos(azimuth), np.sin(azimuth), 2 * np.sqrt(square)
     q = np.zeros(len(azimuth))
-    for _ in range(_ROUNDS):
+    for _ in range(_REWEIGHTINGS):
         weights = square * np.maximum(loss.weight(q), _LEAST)
         real, imaginary = (np.bincount(stretch, weights * part, count) for part in (cosine, sine))
         found = np.arctan2(imaginary, real)
