@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from agonic.health.turning import check_gravity_turning
-from agonic.maths.rotations.mounting import describe_renaming, right_angles
+from agonic.maths.rotations.right_angles import describe_renaming, right_angles
 from agonic.samples import Samples
 from agonic.simulation import simulate, with_inertial_unit
 from benchmarks import tables

@@ -17,9 +17,9 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import NDArray
 
-from agonic.field import model as model_module
-from agonic.field.model import Model
+from agonic.field import world_model as model_module
 from agonic.field.published import igrf, wmm, wmmhr
+from agonic.field.world_model import Model
 
 Array = NDArray[np.float64]
 Points = tuple[Array, Array, Array, Array]

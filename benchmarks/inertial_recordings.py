@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import agonic as ag
-from agonic.attitude.delay import undelayed
 from agonic.attitude.known_heading import compute_mounted_heading
+from agonic.attitude.undo_latency import undelayed
 from agonic.console.place import find_reference
 from agonic.maths.rotations import tilt as kernel
 from agonic.maths.rotations.attitude import down_b

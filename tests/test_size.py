@@ -300,7 +300,7 @@ def test_lines_are_counted_as_an_editor_numbers_them() -> None:
         ("model/terms/time.py", True),
         ("inertial/fit.py", True),
         ("inertial/pair/fit.py", False),
-        ("field/model.py", False),
+        ("field/world_model.py", False),
         ("modelled/fit.py", False),
         ("maths/equation/gauge.py", True),
         ("maths/rotations/deviation.py", False),

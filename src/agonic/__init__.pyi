@@ -15,13 +15,13 @@ from agonic import live as live
 from agonic import network as network
 from agonic import region as region
 from agonic import thermal as thermal
-from agonic.attitude.delay import undelayed as undelayed
 from agonic.attitude.fit import fit_levelled as fit_levelled
 from agonic.attitude.fit import fit_vector as fit_vector
 from agonic.attitude.heading_source import with_course as with_course
 from agonic.attitude.interference import fit_interference as fit_interference
 from agonic.attitude.latency import LatencyFit as LatencyFit
 from agonic.attitude.latency import fit_latency as fit_latency
+from agonic.attitude.undo_latency import undelayed as undelayed
 from agonic.calibration.affine import Affine as Affine
 from agonic.calibration.chain import Chain as Chain
 from agonic.calibration.interference import Interference as Interference

@@ -77,13 +77,7 @@ def compute_coverage(
 
 
 def describe_missing_orientations(missing: list[str]) -> str:
-    """The turns that would bring the field along the axes it was never seen near.
-
-    >>> describe_missing_orientations(["−z"])
-    'turn the sensor until the field points along −z (field never within 40° of it)'
-    >>> describe_missing_orientations([])
-    ''
-    """
+    """The turns that would bring the field along the axes it was never seen near."""
     if not missing:
         return ""
     axes = missing[0] if len(missing) == 1 else ", ".join(missing[:-1]) + f" and {missing[-1]}"

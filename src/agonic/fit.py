@@ -76,16 +76,6 @@ class Accuracy:
     `own_deg` is that of the sensor's own axes, `vehicle_deg` that of the vehicle where it is known;
     `alone` where the magnitude, which no turn of the sensor changes, tells nothing of the
     vehicle's; `delay_deg` is the share of the delay, while turning as in the log.
-
-    >>> known = {"bias_sd": 5.0, "unit": "nT", "own_deg": 0.4, "inclination_deg": 67.0}
-    >>> Accuracy(**known).sentence
-    'standard error: bias 5 nT, heading 0.4° (level, dip 67°)'
-    >>> Accuracy(**known, alone=True).sentence
-    "standard error: bias 5 nT, heading 0.4° of the sensor's own axes (level, dip 67°)"
-    >>> Accuracy(**known, vehicle_deg=0.7, delay_deg=0.3).sentence
-    'standard error: bias 5 nT, heading 0.5° of the sensor, 0.76° of the vehicle (level, dip 67°)'
-    >>> Accuracy(**known, vehicle_deg=0.42).sentence
-    'standard error: bias 5 nT, heading 0.42° (level, dip 67°)'
     """
 
     bias_sd: float

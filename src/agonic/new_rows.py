@@ -35,9 +35,6 @@ def find_fresh(values: Array) -> Mask:
 
     Of a sensor at rest that reads the same for longer than twice the usual number of rows, one in
     so many is taken to be its own.
-
-    >>> find_fresh(np.repeat(np.arange(30.0).reshape(10, 3), 3, axis=0))[:6].tolist()
-    [True, False, False, True, False, False]
     """
     fresh = find_changed(values)
     if np.mean(~fresh) <= HELD or fresh.sum() < FEWEST:
@@ -49,14 +46,7 @@ def find_fresh(values: Array) -> Mask:
 
 
 def interpolate_repeated(samples: Samples) -> Samples:
-    """The samples with acceleration, rates and angles interpolated over rows that only repeat one.
-
-    >>> i = np.arange(40.0)
-    >>> turning = np.outer(i, [1.0, 1.0, 1.0])
-    >>> slow = Samples(time=i, field=turning, unit="nT", heading_deg=(i // 4 * 20) % 360)
-    >>> interpolate_repeated(slow).heading_deg[:6].round(9).tolist()
-    [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]
-    """
+    """Samples with acceleration, rates and angles interpolated over rows that only repeat one."""
     time = samples.time
     if time is None:
         return samples

@@ -34,11 +34,7 @@ class Input:
 
 
 def escape_text(name: str) -> str:
-    r"""A name that can be written: bytes of a file's name that are no UTF-8 stand as escapes.
-
-    >>> escape_text("caf\udce9.csv"), escape_text("café.csv")
-    ('caf\\udce9.csv', 'café.csv')
-    """
+    r"""A name that can be written: bytes of a file's name that are no UTF-8 stand as escapes."""
     return name.encode("utf-8", "backslashreplace").decode()
 
 

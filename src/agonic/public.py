@@ -52,10 +52,6 @@ def read_stub(stub: str) -> str:
 
 
 def find_homes(text: str) -> dict[str, str]:
-    """The module of each name in lines `from MODULE import NAME as NAME`.
-
-    >>> find_homes("from agonic.field import wmm as wmm")
-    {'wmm': 'agonic.field'}
-    """
+    """The module of each name in lines `from MODULE import NAME as NAME`."""
     lines = (line.split() for line in text.splitlines() if line.startswith("from "))
     return {words[-1]: words[1] for words in lines}

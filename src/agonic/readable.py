@@ -79,11 +79,7 @@ def _is_empty(value: Any) -> bool:
 
 
 def write_value(value: Any) -> str:
-    """A value in half a line: small arrays whole, large ones by their shape.
-
-    >>> write_value([1.0, 2.5]), write_value("north"), write_value(None)
-    ('[1.0, 2.5]', 'north', 'None')
-    """
+    """A value in half a line: small arrays whole, large ones by their shape."""
     shape = getattr(value, "shape", None)
     if isinstance(shape, tuple):
         small = len(shape) == 1 and shape[0] <= 6

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.delay import advance, keep_latency, measure_rate
 from agonic.attitude.latency import LATENCY_SD_S, fit_latency
+from agonic.attitude.undo_latency import advance, keep_latency, measure_rate
 from agonic.calibration.setup import Compass, Setup
 from agonic.health import figure
 from agonic.model.verdict import check_coverage

@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.attitude.delay import undelayed
 from agonic.attitude.latency import fit_latency
+from agonic.attitude.undo_latency import undelayed
 from agonic.errors import AgonicError, CoverageError
 from agonic.maths.rotations.angles import angle_deg
 from agonic.maths.rotations.attitude import angles_deg, yaw_pitch_roll

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agonic.errors import AgonicError, AgonicWarning, LogError, ValidityError
-from agonic.field import model as model_module
+from agonic.field import world_model as model_module
 from agonic.field.published import igrf, wmm, wmmhr
 from agonic.maths.earth import geodesy
 from agonic.samples import Samples

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agonic.field.model import Model
 from agonic.field.published import igrf, wmm, wmmhr
+from agonic.field.world_model import Model
 from agonic.provenance import hash_file
 
 DATA = Path(str(files("agonic.field"))) / "data"

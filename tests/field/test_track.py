@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from agonic.field.model import TOLERANCE_NT, evaluate_along_track
+from agonic.field.world_model import TOLERANCE_NT, evaluate_along_track
 
 Rows = np.ndarray
 

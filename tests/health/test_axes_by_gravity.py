@@ -8,7 +8,7 @@ import pytest
 import agonic as ag
 from agonic.ellipsoid import check_by_gravity, fit_ellipsoid
 from agonic.health import check_axes, check_mounting, find_mounting
-from agonic.maths.rotations.mounting import right_angles, vertical_misfit
+from agonic.maths.rotations.right_angles import right_angles, vertical_misfit
 from agonic.simulation import simulate, simulate_vehicle
 
 NAMINGS = [

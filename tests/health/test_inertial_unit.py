@@ -5,7 +5,7 @@ import pytest
 
 import agonic as ag
 from agonic.health.inertial_unit import find_faults, find_stopped_readings, repair
-from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.right_angles import right_angles
 from tests.inertial.drives import drive
 
 G = 9.80665

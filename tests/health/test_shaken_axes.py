@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 import agonic as ag
 from agonic.health.turning import check_gravity_turning
-from agonic.maths.rotations.mounting import describe_renaming
 from agonic.maths.rotations.namings import compare_namings
+from agonic.maths.rotations.right_angles import describe_renaming
 from agonic.maths.rotations.turning import measure_left, sum_products
 from agonic.units import STANDARD_GRAVITY_M_S2
 from tests.inertial.drives import drive

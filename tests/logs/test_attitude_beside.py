@@ -7,7 +7,7 @@ import pytest
 
 import agonic as ag
 from agonic.errors import LogError
-from agonic.logs.beside import read_attitude_beside
+from agonic.logs.other_instrument import read_attitude_beside
 
 START = datetime(2026, 5, 1, 12, tzinfo=UTC)
 

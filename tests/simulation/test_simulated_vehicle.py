@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.delay import undelayed
 from agonic.attitude.latency import fit_latency
+from agonic.attitude.undo_latency import undelayed
 from agonic.cli import run
 from agonic.errors import AgonicError
 from agonic.exports.csv import write_sensors

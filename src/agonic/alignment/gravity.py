@@ -41,7 +41,7 @@ from agonic.health import Finding, Judged, figure
 from agonic.health.finding import Fact, Limit, Told
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.estimation.noise.student import compute_widening
-from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.right_angles import right_angles
 from agonic.maths.rotations.tilt import down_from_force
 from agonic.readable import Shown
 from agonic.samples import Samples

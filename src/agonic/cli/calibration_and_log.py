@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agonic.attitude.delay import remove_delay
+from agonic.attitude.undo_latency import remove_delay
 from agonic.calibration.base import Calibration
 from agonic.calibration.steps import compose, require_calibration
 from agonic.console.sensors import add_second, choose_name

@@ -10,7 +10,7 @@ from agonic.errors import AgonicError, LogError, ValidityError
 
 if TYPE_CHECKING:
     from agonic.arrays import Array, Index
-    from agonic.field.model import Model
+    from agonic.field.world_model import Model
     from agonic.field.worldfield import WorldField
     from agonic.logs.space.positions import Points
 

@@ -76,7 +76,7 @@ class Beside(NamedTuple):
         pitch make more of the `reference` there is.
         """
         if self.table is not None:
-            from agonic.logs.beside import join_scalar
+            from agonic.logs.other_instrument import join_scalar
 
             samples = join_scalar(samples, self.table)
         asked = self.table is not None or self.header is not None
@@ -89,8 +89,8 @@ class Beside(NamedTuple):
 @contextmanager
 def open_beside_scalar(choice: ScalarChoice) -> Iterator[Beside]:
     """The scalar instrument that the command line names; logs opened meanwhile have its column."""
-    from agonic.logs.beside import read_scalar
     from agonic.logs.headers.column_names import naming_scalar
+    from agonic.logs.other_instrument import read_scalar
 
     given = choice.column
     file, _, header = (given or "").rpartition(":")

@@ -27,7 +27,7 @@ from agonic.calibration.steps import compose, steps_of
 from agonic.errors import AgonicError, FrameError, UnitError
 from agonic.health.finding import figure
 from agonic.maths.equation.symmetric import pack_symmetric
-from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.right_angles import right_angles
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

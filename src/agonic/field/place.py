@@ -10,8 +10,8 @@ import numpy as np
 
 from agonic.errors import AgonicError, LogError, check_choice
 from agonic.field.decimal_year import decimal_year, parse_date
-from agonic.field.model import Model
 from agonic.field.published import igrf, wmm, wmmhr
+from agonic.field.world_model import Model
 from agonic.reference import Reference
 from agonic.samples import Samples
 

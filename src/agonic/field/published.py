@@ -7,7 +7,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from agonic.field.model import GaussCoefficients, Model
+from agonic.field.world_model import GaussCoefficients, Model
 from agonic.field.worldfield import Uncertainty
 
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from agonic.arrays import Mask
-from agonic.attitude.delay import bring_forward
+from agonic.attitude.undo_latency import bring_forward
 from agonic.calibration.setup import Compass, Setup
 from agonic.errors import AgonicWarning, LogError
 from agonic.headings.compass_heading import (

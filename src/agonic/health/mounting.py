@@ -10,7 +10,7 @@ from agonic.arrays import Array
 from agonic.health.evidence import MOST_ROWS
 from agonic.health.finding import Fact, Finding, Told, find_first
 from agonic.maths.one_pass import find_length, median
-from agonic.maths.rotations.mounting import (
+from agonic.maths.rotations.right_angles import (
     describe_mounting,
     describe_renaming,
     right_angles,

@@ -16,8 +16,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.health.finding import Fact, Finding, Told, figure, find_first
 from agonic.maths.one_pass import median
-from agonic.maths.rotations.mounting import describe_renaming, right_angles
 from agonic.maths.rotations.namings import compare_namings
+from agonic.maths.rotations.right_angles import describe_renaming, right_angles
 from agonic.maths.rotations.turning import measure_left, sum_products
 from agonic.samples import Samples
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from agonic.arrays import Array, Index, Mask
 from agonic.attitude.calibration import make_calibration, make_mean_calibration
-from agonic.attitude.delay import find_and_undo, keep_latency
 from agonic.attitude.fit import make_fit
 from agonic.attitude.heading_source import check_heading_source
 from agonic.attitude.known_heading import check_heading_column
 from agonic.attitude.problem import Gauge, Model
+from agonic.attitude.undo_latency import find_and_undo, keep_latency
 from agonic.calibration.affine import Affine
 from agonic.ellipsoid.problem import describe_missing_scale
 from agonic.errors import LogError

@@ -37,7 +37,7 @@ from agonic.logs.rows.auxiliary import (
     resample,
     set_angle_unit,
 )
-from agonic.logs.rows.beside import AUXILIARY, Part, read_columns, read_disturbers
+from agonic.logs.rows.other_columns import AUXILIARY, Part, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time
 from agonic.logs.table import build_log, refuse_no_magnetometer
 from agonic.provenance import Input

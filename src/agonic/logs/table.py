@@ -31,7 +31,7 @@ from agonic.logs.headers.header import LONGEST, name_quantity
 from agonic.logs.headers.quantities import FALLBACK, LAST
 from agonic.logs.log import TORN, Facts, Log, Stream, Table, are_two_axes_allowed
 from agonic.logs.rows import auxiliary
-from agonic.logs.rows.beside import Part, find_foreign_rows, read_columns, read_disturbers
+from agonic.logs.rows.other_columns import Part, find_foreign_rows, read_columns, read_disturbers
 from agonic.logs.rows.times import find_clocks, find_time, leads_back, pick
 from agonic.samples import Samples
 from agonic.units import nanotesla_per

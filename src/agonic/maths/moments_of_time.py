@@ -11,11 +11,7 @@ from agonic.arrays import Array
 
 
 def has_moments(values: Any) -> bool:
-    """Whether values are moments or intervals of time and no numbers of seconds.
-
-    >>> has_moments(np.array(["2026-05-01"], dtype="datetime64[us]")), has_moments([0.0, 1.0])
-    (True, False)
-    """
+    """Whether values are moments or intervals of time and no numbers of seconds."""
     if values is None:
         return False
     array = np.asarray(values)
@@ -28,11 +24,6 @@ def count_seconds(values: Any, epoch: datetime | None) -> tuple[Array, datetime 
     """Moments (n,) as seconds since `epoch`, or since the whole second of the first, and that.
 
     Without a zone they are UTC. Intervals are seconds as they are.
-
-    >>> times = np.array(["2026-05-01T00:00:01.5", "2026-05-01T00:00:02"], dtype="datetime64[ns]")
-    >>> seconds, begun = count_seconds(times, None)
-    >>> seconds.tolist(), begun.isoformat()
-    ([0.5, 1.0], '2026-05-01T00:00:01+00:00')
     """
     array = np.asarray(values)
     if array.dtype.kind == "O":

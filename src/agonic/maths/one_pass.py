@@ -13,11 +13,7 @@ from agonic.arrays import Array
 
 
 def median(values: ArrayLike) -> float:
-    """The median of all values, to the last bit that of `np.median`; NaN where one is, or of none.
-
-    >>> median([3.0, 1.0, 2.0]), median([4, 1, 2, 3]), median([1.0, float("nan"), 2.0])
-    (2.0, 2.5, nan)
-    """
+    """The median of all values, to the last bit as by `np.median`; NaN where one is, or of none."""
     n = np.size(values)
     if n == 0:
         return float("nan")
@@ -29,20 +25,12 @@ def median(values: ArrayLike) -> float:
 
 
 def find_length(vectors: Array) -> Array:
-    """The length of each of vectors (…, k).
-
-    >>> find_length(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 2.0]])).tolist()
-    [5.0, 2.0]
-    """
+    """The length of each of vectors (…, k)."""
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
 
 
 def interpolate(wanted: Array, time: Array, values: Array) -> Array:
-    """Values (n,) or (n, k) at wanted times (m,), linear between their own (n,).
-
-    >>> interpolate(np.array([0.5]), np.arange(2.0), np.array([[0.0, 1.0], [2.0, 3.0]])).tolist()
-    [[1.0, 2.0]]
-    """
+    """Values (n,) or (n, k) at wanted times (m,), linear between their own (n,)."""
     if values.ndim == 1:
         return np.interp(wanted, time, values)
     return np.stack([np.interp(wanted, time, axis) for axis in values.T], axis=1)

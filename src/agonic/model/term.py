@@ -41,9 +41,6 @@ class Errors(NamedTuple):
     """Errors of the readings: `parts` (b, 3, n), of which every axis has an unknown of its own
     where they are `apart`, else the whole vector has one; (b, 1, n) where all axes have the same
     part, or what they do lies along a `way` (3, n).
-
-    >>> Errors(np.array([[[2.0], [3.0], [5.0]]])).along(np.eye(3)[:, :1]).tolist()
-    [[2.0], [0.0], [0.0]]
     """
 
     parts: Array

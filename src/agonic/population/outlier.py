@@ -13,7 +13,7 @@ from agonic.calibration.decomposition import PAIRS
 from agonic.health.finding import figure
 from agonic.maths.estimation.inference import find_discoveries
 from agonic.maths.estimation.robust.tails import Tail, fit_tail
-from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.right_angles import right_angles
 from agonic.population.peers import MIN_PEERS, Peers, Quantity, find_peers
 from agonic.population.population import AXES, Population
 from agonic.readable import Shown

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array
-from agonic.attitude.delay import keep_latency
 from agonic.attitude.disturbers.choice import SourceChoice, list_moving
 from agonic.attitude.latency import LatencyFit, share_latency
+from agonic.attitude.undo_latency import keep_latency
 from agonic.calibration.affine import Affine
 from agonic.calibration.base import correct_field, select_columns
 from agonic.calibration.sources import list_columns

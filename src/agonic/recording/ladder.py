@@ -23,7 +23,7 @@ from agonic.fit import Fit
 from agonic.maths.equation.affine import FREE
 from agonic.maths.equation.coverage import heading_jacobian_deg, level_directions, make_level_axes
 from agonic.maths.rotations.angles import wrap_deg
-from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.right_angles import right_angles
 from agonic.maths.rotations.tilt import two_axis_deg
 from agonic.readable import Shown
 from agonic.recording.parts import cut_blocks, predict

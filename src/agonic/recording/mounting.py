@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
 from agonic.arrays import Array, Mask
-from agonic.attitude.delay import undelayed
 from agonic.attitude.known_heading import MountedHeading, check_turned_sensor
 from agonic.attitude.latency import LatencyFit
 from agonic.attitude.problem import TURN
+from agonic.attitude.undo_latency import undelayed
 from agonic.calibration.affine import Affine
 from agonic.calibration.interference import turn_calibration, turn_field
 from agonic.errors import AgonicError
@@ -32,7 +32,7 @@ from agonic.inertial.attitude import estimate_attitude
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.equation.affine import FREE, model_basis
 from agonic.maths.rotations.attitude import down_b
-from agonic.maths.rotations.mounting import describe_turn, right_angles
+from agonic.maths.rotations.right_angles import describe_turn, right_angles
 from agonic.maths.rotations.turn_beside import TurnBeside, find_turn_beside
 from agonic.maths.rotations.vectors import skew
 from agonic.model.posterior import LEAST_SHARE

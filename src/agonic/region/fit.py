@@ -223,23 +223,18 @@ def choose_next(process: Process, box: tuple[Array, Array], many: int) -> Array:
     at = np.array(list(product(*axes)))
     features = make_features(at, process.sources, process.scale) - process.mean[1]
     spread = project(process, features.reshape(1, 3 * len(at), -1))[1][0]
-    chosen = []
+    chosen, each = [], np.arange(len(at))
     for _ in range(many):
         of_places = spread.reshape(len(at), 3, -1)
         across = of_places @ of_places.swapaxes(1, 2)  # the blocks on the diagonal of its square
-        told = np.linalg.solve(_take_blocks(spread) + process.noise * np.eye(3), across)
+        own = spread.reshape(len(at), 3, len(at), 3)[each, :, each]
+        told = np.linalg.solve(own + process.noise * np.eye(3), across)
         k = int(np.argmax(np.trace(told, axis1=1, axis2=2)))
         rows = slice(3 * k, 3 * k + 3)
         gain = np.linalg.solve(spread[rows, rows] + process.noise * np.eye(3), spread[rows])
         spread = spread - spread[:, rows] @ gain
         chosen.append(at[k])
     return np.reshape(chosen, (-1, 3))
-
-
-def _take_blocks(square: Array) -> Array:
-    """The blocks (n, 3, 3) on the diagonal of a matrix (3n, 3n)."""
-    n = len(square) // 3
-    return np.asarray(square.reshape(n, 3, n, 3)[range(n), :, range(n)])
 
 
 def _judge(at: Array, kept: Mask, said: str) -> tuple[Finding, ...]:

@@ -17,6 +17,7 @@ from agonic.report.section import Section
 from agonic.report.verdict import MEANINGS, moves, sentence
 from agonic.samples import Samples
 
+ALWAYS_SAID = (NOT_READ, "prior")  # notes that the brief text has too
 _LABEL_WIDTH = 8  # characters, so that entries, "Note" and "Written" stand in one column
 
 
@@ -227,7 +228,7 @@ class Document:
         indent = "  " if self.verdict else ""
         found, rest = self._split_status()
         for finding, says in found:
-            if finding.severity != "note" or not brief or finding.name == NOT_READ:
+            if finding.severity != "note" or not brief or finding.name in ALWAYS_SAID:
                 label = f"{tables.SEVERITIES[finding.severity][1]:<{_LABEL_WIDTH}}  "
                 yield text.wrap(says, width=width, indent=indent, label=label)
         if rest:

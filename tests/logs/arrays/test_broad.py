@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import agonic as ag
-from agonic.attitude.delay import undelayed
 from agonic.attitude.latency import LatencyFit, fit_latency
+from agonic.attitude.undo_latency import undelayed
 from agonic.maths.rotations.attitude import rot_nb
 
 pytestmark = pytest.mark.recordings

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agonic.maths.rotations.mounting import right_angles
 from agonic.maths.rotations.namings import compare_namings
+from agonic.maths.rotations.right_angles import right_angles
 from tests.inertial.drives import drive
 
 COPTER = {"vehicle": "copter", "stray_nT_A": (0.0, 0.0, 0.0)}

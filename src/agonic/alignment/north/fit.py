@@ -214,10 +214,11 @@ def _compare_methods(fit: NorthFit) -> Told:
 
     def compare(name: str) -> dict[str, Any]:
         apart = abs(float(wrap_deg(fit.by[name].reading_deg - best.reading_deg)))
-        sds = apart / max(float(np.hypot(fit.by[name].sd_deg, best.sd_deg)), 1e-12)
+        sd = float(np.hypot(fit.by[name].sd_deg, best.sd_deg))
+        sds = apart / max(sd, 1e-12) if np.isfinite(sd) else 0.0  # no scatter shows an error
         return {"value": sds, "one": fit.method, "other": name, "by": 3600 * apart}
 
-    return max(map(compare, fit.by), key=lambda one: float(np.nan_to_num(one["value"])))
+    return max(map(compare, fit.by), key=lambda one: float(one["value"]))
 
 
 def _find_short_swing(fit: NorthFit) -> Told:

@@ -24,7 +24,7 @@ from agonic.inertial.maths.shots import (
 from agonic.maths.equation.symmetric import unpack_symmetric
 from agonic.maths.estimation.changes.rest import find_rest
 from agonic.maths.estimation.leastsq import inverse
-from agonic.maths.rotations.mounting import right_angles, vertical_misfit
+from agonic.maths.rotations.right_angles import right_angles, vertical_misfit
 from agonic.maths.rotations.vectors import skew
 from agonic.reference import Reference
 from agonic.samples import Samples

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agonic.field.model import REFERENCE_RADIUS_M
+from agonic.field.world_model import REFERENCE_RADIUS_M
 from agonic.health import Finding, Limit, check_scale, figure, inspect, sort_findings
 from agonic.inflight.fit import likely_causes
 from agonic.inflight.fit.ground_errors import states_covariance

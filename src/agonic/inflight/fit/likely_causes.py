@@ -11,8 +11,8 @@ import numpy as np
 from agonic.arrays import Array
 from agonic.calibration.base import apply
 from agonic.errors import AgonicError
-from agonic.field.model import REFERENCE_RADIUS_M
 from agonic.field.place import field_along
+from agonic.field.world_model import REFERENCE_RADIUS_M
 from agonic.health import Finding, figure
 from agonic.inflight.fit.pointing import LOWEST_ORBIT_M
 from agonic.maths.earth.earth_rotation import sidereal_rad
@@ -20,7 +20,7 @@ from agonic.maths.earth.geodesy import FLATTENING
 from agonic.maths.estimation.loss import cauchy, tukey
 from agonic.maths.estimation.noise.residuals import robust_scale
 from agonic.maths.rotations.angles import wrap_deg
-from agonic.maths.rotations.mounting import describe_renaming, right_angles
+from agonic.maths.rotations.right_angles import describe_renaming, right_angles
 from agonic.samples import Samples
 
 if TYPE_CHECKING:

@@ -44,11 +44,6 @@ def start(
     gyro : whether readings come with the rates of a gyro.
 
     Raises `AgonicError` for a calibration of another kind.
-
-    Examples
-    --------
-    >>> start(None, TrackerParams(noise=100.0)).n
-    0
     """
     if calibration is None:
         base = Affine(bias=np.zeros(3), matrix=np.eye(3))
@@ -105,15 +100,6 @@ def update(
     Returns the new state, and `Coefficients`.
 
     Source: Bierman (1977), UD filter; see docs/theory/tracking.
-
-    Examples
-    --------
-    >>> from agonic.simulation import simulate
-    >>> made, params = simulate("tumble", n=500, noise=50.0), TrackerParams(noise=50.0)
-    >>> s = made.samples
-    >>> state, seen = update(start(None, params), params, s.time, s.field, 50_000.0)
-    >>> bool(np.all(np.abs(state.bias - made.truth.bias) < 4 * state.bias_sd))
-    True
     """
     one = _read_one(state, time, raw, magnitude)
     if one is not None:

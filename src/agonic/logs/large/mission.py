@@ -26,7 +26,7 @@ from agonic.logs.headers.quantities import LAST
 from agonic.logs.log import Log, Table
 from agonic.logs.read import open_log
 from agonic.logs.remote import Remote, locate, name_locally
-from agonic.logs.rows.beside import AUXILIARY
+from agonic.logs.rows.other_columns import AUXILIARY
 from agonic.logs.table import build_log
 from agonic.provenance import Input, hash_file
 from agonic.samples import Samples

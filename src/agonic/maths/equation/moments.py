@@ -60,11 +60,7 @@ def accumulate(points: Array, centre: Array, scale: float) -> Array:
 
 
 def powers(points: Array, centre: Array, scale: float) -> Array:
-    """The terms (n, 35) of the moments of each point by itself.
-
-    >>> powers(np.array([[1.0, 2.0, 3.0]]), np.zeros(3), 1.0)[0, :4]
-    array([1., 3., 2., 1.])
-    """
+    """The terms (n, 35) of the moments of each point by itself."""
     u = (points - centre) / scale
     x, y, z = u.T
     m = np.stack([x * x, y * y, z * z, y * z, x * z, x * y, x, y, z, np.ones_like(x)], axis=1)

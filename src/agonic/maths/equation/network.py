@@ -45,20 +45,12 @@ class Shape(NamedTuple):
 
     @property
     def said(self) -> str:
-        """The nodes in words.
-
-        >>> Shape(3, 5, 3).said, Shape(3, (5, 4), 3).said
-        ('5 nodes', '5 and 4 nodes')
-        """
+        """The nodes in words."""
         return f"{' and '.join(str(width) for width in self.widths[1:-1])} nodes"
 
     @property
     def size(self) -> int:
-        """How many weights, constants included.
-
-        >>> Shape(3, 3, 3).size, Shape(3, (3, 3), 3).size
-        (24, 36)
-        """
+        """How many weights, constants included."""
         return sum((before + 1) * after for before, after in pairwise(self.widths))
 
 
@@ -81,12 +73,7 @@ def split(weights: Array, shape: Shape) -> Layers:
 
 
 def join(*layers: Array) -> Array:
-    """The vector of all weights of layers.
-
-    >>> u, v = split(np.arange(7.0), Shape(1, 2, 1))
-    >>> join(u, v).tolist() == list(range(7))
-    True
-    """
+    """The vector of all weights of layers."""
     return np.concatenate([layer.ravel() for layer in layers])
 
 

@@ -30,20 +30,12 @@ def scale(temperature: ArrayLike, centre: float, half_range: float) -> Array:
 
 
 def powers(x: ArrayLike, degree: int) -> Array:
-    """1, x, x², … x^degree, (…, degree + 1).
-
-    >>> powers(2.0, 3).tolist()
-    [1.0, 2.0, 4.0, 8.0]
-    """
+    """1, x, x², … x^degree, (…, degree + 1)."""
     return np.asarray(np.asarray(x, dtype=np.float64)[..., None] ** np.arange(degree + 1))
 
 
 def derivative(x: ArrayLike, degree: int, times: int = 1) -> Array:
-    """The derivatives of `powers` by x, (…, degree + 1).
-
-    >>> derivative(2.0, 3).tolist(), derivative(2.0, 3, times=2).tolist()
-    ([0.0, 1.0, 4.0, 12.0], [0.0, 0.0, 2.0, 12.0])
-    """
+    """The derivatives of `powers` by x, (…, degree + 1)."""
     k = np.arange(degree + 1)
     factor = np.prod([k - j for j in range(times)], axis=0, initial=1.0)
     base = np.asarray(x, dtype=np.float64)[..., None]

@@ -14,12 +14,7 @@ _ROWS = 16384  # a block whose temporaries stay in the cache
 
 
 def cover(points: Array, most: int) -> tuple[Array, float]:
-    """At most so many centres (k, i) among the points (n, i), and how far a point is from them.
-
-    >>> centres, reach = cover(np.array([[0.0], [0.4], [1.0]]), 2)
-    >>> centres.ravel().tolist(), reach
-    ([1.0, 0.0], 0.4)
-    """
+    """At most so many centres (k, i) among the points (n, i), and how far a point is from them."""
     first = int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
     chosen = [first]
     square = ((points - points[first]) ** 2).sum(axis=1)

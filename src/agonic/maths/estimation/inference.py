@@ -41,9 +41,6 @@ def find_discoveries(p_values: Array, rate: float, tests: int | None = None) -> 
     may stand for p-values, and need no independence (Wang & Ramdas 2022).
 
     Parameters: p_values (m,), rate, and tests: m, where only the smallest p-values are given.
-
-    >>> find_discoveries(np.array([0.001, 0.5, 0.02, 0.9]), 0.05).tolist()
-    [True, False, True, False]
     """
     m = len(p_values) if tests is None else tests
     small = np.flatnonzero(p_values <= rate)

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agonic.arrays import Array
-from agonic.maths.rotations.mounting import right_angles
+from agonic.maths.rotations.right_angles import right_angles
 from agonic.maths.rotations.vectors import skew
 
 BLOCKS = 16

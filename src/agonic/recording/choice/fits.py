@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agonic.arrays import Index, Mask
-from agonic.attitude.delay import find_and_undo
 from agonic.attitude.disturbers.choice import (
     SourceChoice,
     choose_sources,
@@ -22,6 +21,7 @@ from agonic.attitude.fit import CHANNELS, fit_levelled, fit_vector, open_channel
 from agonic.attitude.interference import find_channels, fit_interference
 from agonic.attitude.latency import LatencyFit, find_latency
 from agonic.attitude.problem import Settings
+from agonic.attitude.undo_latency import find_and_undo
 from agonic.calibration.interference import Interference
 from agonic.calibration.sources import describe_sources
 from agonic.ellipsoid import (

@@ -55,7 +55,7 @@ def evaluate(
 def _run(samples: Samples, truth: Path | None, method: Any, place: Place) -> Evaluation:
     """The evaluation of one sensor."""
     from agonic.console.place import find_reference
-    from agonic.logs.beside import read_attitude_beside
+    from agonic.logs.other_instrument import read_attitude_beside
     from agonic.recording.evaluation.cross_validation import evaluate as judge
 
     beside = None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from agonic.arrays import Array, Index
-from agonic.attitude.delay import advance
+from agonic.attitude.undo_latency import advance
 from agonic.calibration.base import correct_field
 from agonic.health import Finding, Verdict, figure, verdict_of
 from agonic.logs.any_form import Given, as_samples
