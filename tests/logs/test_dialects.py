@@ -503,3 +503,47 @@ def test_frames_of_serial_studio(tmp_path: Path) -> None:
     samples = ag.read(write(tmp_path, text))
     assert samples.field[0].tolist() == [33, -6.8, 64.9]
     assert np.diff(samples.time).tolist() == [0.5] * 29
+
+
+TIMES = [f"{k // 60:02d}:{k % 60:02d}" for k in range(40)]
+CUBE = [[10_000.0 + 700 * k, -20_000.0 + 900 * k, 45_000.0 - 800 * k] for k in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("line", "unit"),
+    [
+        (lambda k, x, y, z: f"2024 01 02 03 {k // 60:02d} {k % 60:02d} {x} {y} {z} 1 2 3 20", "nT"),
+        (lambda k, x, y, z: f">mx: {x} my: {y} mz: {z}", "raw"),
+        (lambda k, x, y, z: f"> mag: {x}, {y}, {z}", "raw"),
+        (
+            lambda k, x, y, z: f'12:{TIMES[k]}.123 -> {{"mag_x": {x}, "mag_y": {y}, "mag_z": {z}}}',
+            "raw",
+        ),
+        (lambda k, x, y, z: f'{k};{{"mag_x": {x}, "mag_y": {y}, "mag_z": {z}}}', "raw"),
+    ],
+    ids=["calendar with a header", "prompts", "prompts and commas", "stamped JSON", "counted JSON"],
+)
+def test_what_looks_like_a_dialect_is_read_as_what_it_is(line, unit: str, tmp_path: Path) -> None:
+    names = "year month day hour minute second mag_x_nT mag_y_nT mag_z_nT acc_x acc_y acc_z warmth"
+    rows = [line(k, *each) for k, each in enumerate(CUBE)]
+    head = [names] if rows[0].startswith("2024") else []
+    file = tmp_path / "log.txt"
+    file.write_text("\n".join([*head, *rows]) + "\n")
+    (samples,) = ag.open_log(file).sensors
+    assert samples.unit == unit
+    assert samples.field == pytest.approx(np.array(CUBE))
+
+
+def test_axes_that_come_one_after_another_make_one_reading(tmp_path: Path) -> None:
+    """Channels with times of their own, some milliseconds apart."""
+    file = tmp_path / "log.txt"
+    file.write_text(
+        "".join(
+            f">mag_{axis}:{1000 + 20 * k + late}:{value}\n"
+            for k, each in enumerate(CUBE)
+            for late, (axis, value) in enumerate(zip("xyz", each, strict=True))
+        )
+    )
+    (samples,) = ag.open_log(file).sensors
+    assert samples.field == pytest.approx(np.array(CUBE))
+    assert np.diff(samples.time) == pytest.approx(np.full(39, 0.02))

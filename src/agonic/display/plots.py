@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
 from typing import Any
@@ -89,7 +89,7 @@ def _(shown: Calibrated, onto: Any) -> None:
     _draw_shares(left, shown.fit)
     if any(rung.errors_deg for rung in shown.ladder):
         first = next(one for one in draw_headings(shown) if isinstance(one, Figure))
-        _draw_panel(right, first.panels[0], first.title)
+        _draw_panel(right, first.panels[0], first.title, _choose_colours(first.panels[:1]), set())
     else:
         _draw_coverage(right, shown.fit)
 
@@ -180,31 +180,42 @@ _FIGURES: dict[type, Callable[[Any], Sequence[object]]] = {
 def _draw_figures(shown: object, onto: Any) -> None:
     """Every panel of the figures of a page: small ones beside each other, others below."""
     figures = [one for one in _FIGURES[type(shown)](shown) if isinstance(one, Figure)]
-    panels = [(one.title * (k == 0), of) for one in figures for k, of in enumerate(one.panels)]
-    wide = BESIDE if all(panel.kind == "small" for _, panel in panels) else 1
+    panels = [panel for one in figures for panel in one.panels]
+    wide = BESIDE if all(panel.kind == "small" for panel in panels) else 1
     tall = -(-len(panels) // wide)
     onto.set_size_inches(9, 2.4 * tall)
-    for k, (title, panel) in enumerate(panels, start=1):
-        _draw_panel(onto.add_subplot(tall, wide, k), panel, title)
+    places = iter(range(1, len(panels) + 1))
+    for one in figures:
+        colours, words = _choose_colours(one.panels), set[str]()
+        for k, panel in enumerate(one.panels):
+            axes = onto.add_subplot(tall, wide, next(places))
+            _draw_panel(axes, panel, one.title * (k == 0), colours, words)
+
+
+def _choose_colours(panels: Iterable[Panel]) -> dict[str, str]:
+    """A colour of the cycle for each name of marks, the same in all panels of a figure."""
+    marks = (one for panel in panels for one in panel.marks if isinstance(one, Mark) and one.seen)
+    return {name: f"C{k}" for k, name in enumerate(dict.fromkeys(one.name for one in marks))}
 
 
 for _kind in _FIGURES:
     draw.register(_kind, _draw_figures)
 
 
-def _draw_panel(axes: Any, panel: Panel, title: str) -> None:
-    """A panel of a page: its marks in the colours of the cycle, its axes and its legend."""
+def _draw_panel(
+    axes: Any, panel: Panel, title: str, colours: Mapping[str, str], words: set[str]
+) -> None:
+    """A panel of a page: its marks, its axes, and a legend of what `words` do not name yet."""
     x, y = panel.x, panel.y
     axes.set(xlim=(x.low, x.high), ylim=(y.low, y.high), xlabel=x.label, ylabel=y.label)
     axes.set(title=title, **{f"{of}scale": "log" for of in "xy" if getattr(panel, of).logarithmic})
     marks = [one for one in panel.marks if isinstance(one, Mark) and one.seen]
-    colours = {name: f"C{k}" for k, name in enumerate(dict.fromkeys(one.name for one in marks))}
-    words = set()
+    named = len(words)
     for one in marks:
         label = None if one.words in words else one.words or None
         _DRAWN[one.kind](axes, *one.at, color=colours[one.name], label=label)
-        words.add(one.words)
-    if title and any(words):
+        words |= {one.words} - {""}
+    if len(words) > named:
         axes.legend(fontsize="x-small")
 
 

@@ -177,10 +177,10 @@ def _follow(attitude: Attitude, seen: DipResiduals, within: _Within) -> Attitude
     less = np.minimum(less / np.maximum(shown, 1e-3), 1.0)
     less = (CAUTION + telling * less) / (CAUTION + telling)
     n = len(attitude.tilt.cos_roll)
-    at, less = np.arange(n), np.where(more > 1.0, 1.0, less)
+    less = np.where(more > 1.0, 1.0, less)
     added, less = (
-        np.interp(at, seen.rows, v) if v.ndim else v
-        for v in (np.maximum(more - 1.0, 0.0) * total, less)
+        np.interp(np.arange(n), seen.rows, each) if each.ndim else each  # one for all rows
+        for each in (np.maximum(more - 1.0, 0.0) * total, less)
     )
     across = attitude.tilt.cos_pitch if attitude.order == "roll-pitch" else np.ones(1)
     parts = []

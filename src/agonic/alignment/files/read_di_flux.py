@@ -161,7 +161,7 @@ def _magnitude(
         return None, ()
     time, field = _rows(lines, 2, file)
     away = np.abs(time - when)
-    if away.min() > 6 * 3600.0:
+    if away.min() > 6 * 3600.0:  # farther away in time it says nothing of the readings
         return None, ("the total field was measured at another time and is left out",)
     near = np.argsort(away, kind="stable")[:10]
     late = away[near].min()

@@ -140,7 +140,7 @@ def fit_lines(parts: Iterable[tuple[Array, Array]]) -> Lines:
     for time, values in parts:
         away, about = time - time.mean(), values - values.mean(axis=0)
         power = float(away @ away)
-        slope = away @ about / power
+        slope = away @ about / (power or 1.0)  # times that are all the same have none
         found.append((slope, ((about - np.outer(away, slope)) ** 2).sum(axis=0), power, len(time)))
     slopes, squares, powers, counts = zip(*found, strict=True) if found else ([], [], [], [])
     own = np.array(counts, dtype=np.int64) - 2

@@ -280,7 +280,7 @@ def _list_session_mistakes(session: Session) -> Iterator[AgonicError]:
         yield UnitError("a session needs fields in nT; name the unit of magnetometer and reference")
     ours = float(np.median(np.linalg.norm(session.corrected, axis=1)))
     theirs = float(np.median(np.linalg.norm(session.reference.field, axis=1)))
-    if not 1 / 3 < ours / max(theirs, 1e-9) < 3:
+    if not 1 / 3 < ours / max(theirs, 1e-9) < 3:  # more is another unit, no calibration
         yield UnitError(
             f"the magnetometer reads {ours:.0f} nT and the reference {theirs:.0f} nT: one of the "
             "units is wrong"

@@ -63,6 +63,7 @@ def _read_iaf(data: bytes) -> Found:
         raise LogError("there is no whole day in it; fetch the file again")
     values = np.moveaxis(words["values"], 1, 2).reshape(-1, 4) / 10.0
     years, days = np.divmod(words["head"][:, 1].astype(np.int64), 1000)
+    years += np.where(years < 100, 1900, 0)  # of two digits until 1999
     starts = (years - 1970).astype("datetime64[Y]").astype("datetime64[D]") + (days - 1)
     minutes = np.arange(24 * 60).astype("timedelta64[m]")
     code, letters = (data[at : at + 4].decode("latin-1").strip() for at in (0, 20))

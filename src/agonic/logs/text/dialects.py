@@ -23,7 +23,7 @@ import numpy as np
 
 from agonic.arrays import Array
 from agonic.errors import LogError
-from agonic.logs.contents import to_number
+from agonic.logs.contents import MOST_PARTS, to_number
 from agonic.logs.groups import INERTIAL, Found
 from agonic.logs.headers.columns import find_columns, find_named_quantity, read_dialects
 from agonic.logs.headers.header import name_quantity
@@ -58,6 +58,7 @@ class Dialect:
     source: str
     kinds: Mapping[str, Kind] = field(default_factory=dict)
     above: str = ""
+    bare: bool = False
     share: float = 0.5
     separator: str | None = None
     pair: str = ""
@@ -68,6 +69,8 @@ class Dialect:
     def fits(self, head: Sequence[str], rows: Sequence[str]) -> bool:
         """Whether a text is of it, by its first lines and by those of them that hold values."""
         if self.above and not any(self.above in line for line in head):
+            return False
+        if self.bare and not (head and re.match(self.row, head[0])):
             return False
         found = [match for row in rows if (match := re.match(self.row, row))]
         if len(found) <= self.share * len(rows):
@@ -262,6 +265,8 @@ def _read_named(dialect: Dialect, text: str) -> tuple[dict[str, Any], list[str]]
             if said["time"] and "time" not in map(name_quantity, cells):
                 cells[dialect.time] = said["time"]
             records[said["kind"]].append(cells)
+    if len(records) > MOST_PARTS:  # what stands before the objects counts or dates them
+        records = {"": [one for rows in records.values() for one in rows]}
     if channels:
         records[""] = gather_channels(channels, dialect.time)
     short = Counter(kind.partition(",")[0] for kind in records)

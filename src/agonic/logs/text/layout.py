@@ -9,7 +9,7 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
@@ -176,7 +176,8 @@ def _name_columns(
         )
     if width == 4 and (name := _name_first(rows)):
         return [name, *"xyz"]
-    if width == 9 and all(map(_begins_with_moment, rows)):
+    moments = [[to_number(cell) for cell in row[:6]] for row in rows]
+    if width == 9 and all(map(_begins_with_moment, rows)) and moments == sorted(moments):
         return [*_CALENDAR, *"xyz"]
     if width != 3:
         raise LogError(
@@ -220,7 +221,7 @@ def _begins_with_moment(row: Sequence[str]) -> bool:
     """Whether the first six cells may be a year, month, day, hour, minute and second."""
     ends = zip((1900, 1, 1, 0, 0, 0), (2100, 13, 32, 25, 60, 61), strict=True)
     parts = zip(map(to_number, row), ends, strict=False)
-    return all(low <= part < end for part, (low, end) in parts)
+    return all(low <= part < end and (end == 61 or part.is_integer()) for part, (low, end) in parts)
 
 
 def _has_decimal_comma(rows: Sequence[str], separator: str | None) -> bool:
@@ -260,10 +261,10 @@ def _join_groups(groups: Sequence[str], names: Sequence[str]) -> list[str]:
     if len(names) != len(groups) or len(set(filled)) == len(filled) or not is_header(names):
         return []
     joined = [f"{group} {name}".strip() for group, name in zip(filled, names, strict=True)]
-    return joined if _tell_field(joined) and not _tell_field(groups) else []
+    return joined if tell_field(joined) and not tell_field(groups) else []
 
 
-def _tell_field(header: Sequence[str]) -> bool:
+def tell_field(header: Iterable[str]) -> bool:
     """Whether three columns are the axes of a field."""
     found = [column for column in map(identify_column, header) if column is not None]
     return {column.axis for column in found if column.quantity.column == "field"} == set("xyz")

@@ -21,7 +21,7 @@ from agonic.logs.headers.column_names import rename_headers
 from agonic.logs.headers.columns import find_columns, find_quantities, refuse_many
 from agonic.logs.headers.header import identify_column
 from agonic.logs.headers.quantities import FALLBACK, squash
-from agonic.logs.text.layout import SAMPLE
+from agonic.logs.text.layout import SAMPLE, tell_field
 
 Record = dict[str, Any]
 TEXTUAL = ("time", "date", "sensor", "frame", "unit", "target")
@@ -134,14 +134,23 @@ def name_unit(name: str, unit: str) -> str:
 
 
 def gather_channels(readings: Iterable[tuple[str, str, str]], clock: str) -> list[Record]:
-    """Times, channels and values as a record for each time; without times, until one comes again.
-    `clock` is the name of the times."""
+    """Times, channels and values as a record for each time; without times, or where the axes of a
+    field have times of their own, until a channel comes again, at the time of the first. `clock` is
+    the name of the times."""
+    every = list(readings)
+    together, by_turns = (_gather(every, clock, by_time=one) for one in (True, False))
+    fields = [sum(map(tell_field, records[:SAMPLE])) for records in (together, by_turns)]
+    return by_turns if fields[1] > fields[0] else together
+
+
+def _gather(readings: Iterable[tuple[str, str, str]], clock: str, *, by_time: bool) -> list[Record]:
     records: list[Record] = []
     at: dict[str, int] = {}
     for time, name, value in readings:
-        place = at.get(time)
+        key = time if by_time else ""
+        place = at.get(key)
         if place is None or name in records[place]:
-            at[time] = place = len(records)
+            at[key] = place = len(records)
             records.append({clock: time} if time else {})
         records[place][name] = value
     return records
