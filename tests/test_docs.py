@@ -20,6 +20,7 @@ import agonic as ag
 from agonic.cli import COMMANDS
 from agonic.inflight.fit.allowances import COURSES
 from agonic.model.terms import HIDDEN
+from agonic.model.terms.time import STEP
 from agonic.reproduce.run import load_documents
 from agonic.samples import Logged
 from agonic.thermal.fit.evidence import OTHER_TURNS, TRENDS
@@ -94,7 +95,7 @@ TABLES = {
     "course.name": tuple(course for course in COURSES if course.move),
 }
 """The rows of tables of findings, by how their names stand where they are said."""
-JUDGED = {term.name for term in HIDDEN} | {"ripple", "coverage", "correlated noise"}
+JUDGED = {term.name for term in HIDDEN} | {STEP.name, "ripple", "coverage", "correlated noise"}
 
 
 def findings_in_the_source() -> dict[str, set[str]]:

@@ -133,8 +133,6 @@ def verdict_of(findings: Iterable[Finding], *, failed: bool = False) -> Verdict:
     return "check" if failed or "check" in severities else "good"
 
 
-CHANGED = "field changed"
-"""The finding that the bias moved at some moments, which cut the log into stretches."""
 NOT_READ = "not read"
 """The finding that is said before all others: what follows does not know what the log holds."""
 

@@ -56,7 +56,7 @@ def whiten(rows: Array, by: Array) -> Array:
 
 
 BLOCKS = 16
-"""Blocks of time: each is predicted from the others."""
+"""Blocks of time: each is predicted from the others, and the bias may step between them."""
 ROWS_PER_BLOCK = 3
 """At least, or a block says nothing."""
 
@@ -70,32 +70,70 @@ class Stack(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """White columns (m + 1, n) of each channel, and the first rows of the blocks of time and the
-    end, (b + 1,)."""
+    """White columns (m + 1, n) of each channel, the first rows of the blocks of time and the end,
+    (b + 1,), and the radius.
+
+    Beside the columns stand steps of the bias before every block but the first, three columns each:
+    one after its time and zero before, less its mean over the log. Within a block a step is a
+    multiple of the bias' own columns, so that no row is needed.
+    """
 
     white: list[Array]
     edges: Index
+    radius: float
 
     @property
     def rows(self) -> Array:
         """How many rows each block has, (b,)."""
         return np.diff(self.edges).astype(float)
 
+    @property
+    def heights(self) -> Array:
+        """How high each step is in each block, (b, places)."""
+        rows = self.rows
+        after = np.arange(len(rows))[:, None] >= np.arange(1, len(rows))
+        return np.asarray(self.radius * (after - rows @ after / rows.sum()))
+
     def add(self) -> Array:
-        """Cross-products of columns over all rows, (c, m + 1, m + 1)."""
-        return np.stack([white @ white.T for white in self.white])
+        """Cross-products of columns and steps over all rows, (c, m + k + 1, m + k + 1)."""
+        heights, spans = self.heights, list(pairwise(self.edges))
+        count, places = heights.shape
+        both = (heights[:, :, None] * heights[:, None]).reshape(count, places**2).T
+        m, k = len(self.white[0]) - 1, 3 * places
+        sums = np.empty((len(self.white), m + k + 1, m + k + 1))
+        for white, out in zip(self.white, sums, strict=True):
+            by_bias = np.stack([white[:3, a:b] @ white[:, a:b].T for a, b in spans])
+            across = (heights.T @ by_bias.reshape(count, -1)).reshape(k, m + 1)
+            each = (both @ by_bias[:, :, :3].reshape(count, 9)).reshape(places, places, 3, 3)
+            plain = white @ white.T
+            out[:m, :m], out[:m, -1], out[-1, :m], out[-1, -1] = (
+                plain[:m, :m],
+                plain[:m, -1],
+                plain[-1, :m],
+                plain[-1, -1],
+            )
+            out[m:-1, :m], out[m:-1, -1] = across[:, :m], across[:, -1]
+            out[:m, m:-1], out[-1, m:-1] = across[:, :m].T, across[:, -1]
+            out[m:-1, m:-1] = each.transpose(0, 2, 1, 3).reshape(k, k)
+        return sums
 
     def split(self, columns: Index, weights: Array) -> Array:
         """Cross-products of some columns and the residuals in each block, (b, k + 1, k + 1), summed
         over the channels by their weights (c,)."""
-        chosen = np.append(columns, -1)
+        m, heights = len(self.white[0]) - 1, self.heights
+        place, axis = np.divmod(np.maximum(columns - m, 0), 3)
+        plain = columns < m
+        chosen = np.append(np.where(plain, columns, axis), m)
+        size = np.ones((len(heights), len(chosen)))
+        size[:, :-1][:, ~plain] = heights[:, place[~plain]]
+        sums = size[:, :, None] * size[:, None, :]
         spans = list(pairwise(self.edges))
-        products = np.zeros((len(spans), len(chosen), len(chosen)))
+        products = np.zeros_like(sums)
         for white, weight in zip(self.white, weights, strict=True):
             some = white[chosen]
             for one, (a, b) in zip(products, spans, strict=True):
                 one += weight * (some[:, a:b] @ some[:, a:b].T)
-        return products
+        return np.asarray(sums * products)
 
 
 def count_blocks(rows: int) -> int:

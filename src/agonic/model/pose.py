@@ -26,6 +26,7 @@ from agonic.model.gram import (
 )
 from agonic.model.rows import Rows, stack_columns
 from agonic.model.term import Errors, Term
+from agonic.model.terms.time import STEP
 
 LEAST_NOISE = 1e-8
 """Of the field, 0.5 pT: what is less is rounding."""
@@ -106,7 +107,7 @@ class Search:
         """Terms and standard deviations for given filters, all from one pass over the rows."""
         white = [whiten(one.columns, by) for one, by in zip(self.stacks, filters, strict=True)]
         edges = np.linspace(0, white[0].shape[1], count_blocks(white[0].shape[1]) + 1).astype(int)
-        blocks = Blocks(white, edges)
+        blocks = Blocks(white, edges, self.radius)
         by_channel, n = blocks.add(), float(edges[-1])
         there, sds = dict[int, float](), np.maximum(sds, LEAST_NOISE)
         for _ in range(_MOST_SIZINGS):
@@ -122,9 +123,17 @@ class Search:
 
     def leave(self, found: Explained) -> list[Array]:
         """What parameters and terms leave of each channel's residuals."""
+        m = len(self.stacks[0].columns) - 1
         weights = np.zeros(found.gram.shape[0] - 1)
         weights[found.base.columns] = found.base.estimate
-        return [stack.columns[-1] - weights @ stack.columns[:-1] for stack in self.stacks]
+        shifts = found.blocks.heights @ weights[m:].reshape(-1, 3)
+        bias = np.repeat(shifts, np.diff(found.blocks.edges), axis=0).T
+        return [
+            stack.columns[-1]
+            - weights[:m] @ stack.columns[:-1]
+            - np.sum(bias * stack.columns[:3], axis=0)
+            for stack in self.stacks
+        ]
 
 
 def _find_sds(by_channel: Array, base: Base, sds: Array, n: float) -> Array:
@@ -180,6 +189,10 @@ def pose(
         columns = np.arange(at, at + errors.unknowns)
         groups.append(Group(term.name, columns, term.scale, term.odds, term.most))
         at += errors.unknowns
+    places = count_blocks(len(rows.weights)) - 1
+    for k in range(places):
+        columns = np.arange(at + 3 * k, at + 3 * k + 3)
+        groups.append(Group(STEP.name, columns, STEP.scale, STEP.odds / places, STEP.most))
     return Search(stacks, prior, groups, rows.radius), known
 
 

@@ -28,9 +28,10 @@ from agonic.model.gram import Stack
 from agonic.model.pose import LEAST_NOISE, Explained, Known, Search, find_prior, or_none, pose
 from agonic.model.rows import Rows, choose_rows, compute_jacobian
 from agonic.model.shares import Level, Share, stand_level, weigh
-from agonic.model.term import Term
+from agonic.model.term import Errors, Term
 from agonic.model.terms import HIDDEN
 from agonic.model.terms.ripple import find_ripple
+from agonic.model.terms.time import STEP
 from agonic.model.unseen import Unseen, predict_unseen
 
 BY_CHANCE = 3.0
@@ -274,8 +275,12 @@ def _explain(at: Scene, there: Mapping[int, float], base: Base) -> Way:
         else:
             shift = shift - sized.alias[:m] @ sized.mean
             absent += sized.spread[:m, :m]
-        term, errors = at.known[i]
-        shares.append(weigh(term, sized, at.level, errors if i in there else None))
+        term = at.known[i].term if i < len(at.known) else STEP
+        errors, row = _find_errors(at, i) if i in there else (None, None)
+        one = weigh(term, sized, at.level, errors)
+        if row is not None:
+            one = one._replace(row=row, size=float(np.sqrt(np.trace(sized.square))))
+        shares.append(one)
     unseen = [one for i, one in enumerate(shares) if i not in there]
     part = _weigh_absent(at.level.spread(noise), unseen)
     shares = [one if i in there else one.reduce(part) for i, one in enumerate(shares)]
@@ -354,3 +359,14 @@ def _gather(at: Scene, considered: Mapping[str, Array], *, priors_alone: bool) -
         held=find_held(*at_footpoints) if priors_alone else _FREE,
         unseen=predict_unseen(found.split(found.base), counts, found.base, level.by_params),
     )
+
+
+def _find_errors(at: Scene, i: int) -> tuple[Errors, int | None]:
+    """The errors of a group; of a step those of its moment, and the row where it is."""
+    if i < len(at.known):
+        return at.known[i].errors, None
+    counts = at.found.blocks.rows
+    before = int(counts[: i - len(at.known) + 1].sum())
+    n = int(counts.sum())
+    height = np.where(np.arange(n) >= before, before / n, before / n - 1.0)
+    return Errors(np.asarray(height[None, None])), int(at.rows.seen.rows[before])

@@ -65,8 +65,9 @@ not known, and of a term of noisy rates, which comes out too small (regression d
 class Share(NamedTuple):
     """A term's part in a fit: log-odds that it is there, its rms error in the readings over the
     field, the standard error of a level heading that it makes, of that at rest what the parameters
-    do not have, and the rms by which it moves a heading over the log, degrees; of a term with one
-    unknown what was `measured`, with its standard error, over the field."""
+    do not have, and the rms by which it moves a heading over the log, degrees; the row from which
+    on the bias is another, then by `size`; of a term with one unknown that `measured`, with its
+    standard error, over the field."""
 
     term: Term
     odds: float
@@ -74,6 +75,7 @@ class Share(NamedTuple):
     heading_deg: float
     at_rest_deg: float
     moves_deg: float
+    row: int | None = None
     measured: tuple[float, float] | None = None
 
     def reduce(self, part: float) -> Share:

@@ -7,19 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from agonic.arrays import Array
 from agonic.coverage import OPEN_DEG, Coverage
 from agonic.health.evidence import (
     HEADING_DOUBTFUL_DEG,
     HEADING_REFUSED_DEG,
     RECORD_LONGER,
+    SHIFT_DOUBTFUL,
     Evidence,
 )
 from agonic.health.examine import examine
-from agonic.health.finding import CHANGED, Finding, Severity, figure, sort_findings
+from agonic.health.finding import Finding, Severity, describe_moments, figure, sort_findings
 from agonic.model.average import EVIDENCE
 from agonic.model.posterior import BY_CHANCE, Posterior
 from agonic.model.shares import Share
-from agonic.model.terms.time import TIME
+from agonic.model.terms.time import STEP, TIME
 
 SEEN_DEG = 0.2
 """Of heading: nobody looks for what is less."""
@@ -32,7 +34,8 @@ PRIOR_TOLD = 0.25
 """Of the variance of a bias: what priors hold more of is said to be theirs."""
 OPEN_BIAS = 0.035
 """Of the field: a bias that is known less well without priors errs a tilted heading by 2°."""
-OF_TIME = frozenset(term.name for term in TIME)
+DRIFT = "bias drift"
+OF_TIME = frozenset(term.name for term in (*TIME, STEP))
 
 _PRIOR = (
     "the directions seen do not determine the heading: what is known of it follows from the "
@@ -50,7 +53,8 @@ def examine_beside_terms(
     changes = posterior.memory_deg > 0.0 or any(
         one.odds > EVIDENCE and not one.term.unit for one in shares
     )
-    return examine(evidence, changes, posterior.left, attitude_aided=attitude_aided)
+    left = None if any(one.row is not None for one in shares) else posterior.left
+    return examine(evidence, changes, left, attitude_aided=attitude_aided)
 
 
 def judge(
@@ -63,16 +67,16 @@ def judge(
     coverage, unit, radius = evidence.coverage, evidence.unit, evidence.radius
     if posterior is None:
         return tuple(_doubt_heading(coverage, None))
-    changed = any(fact.name == CHANGED for fact in facts)
+    changed = any(fact.name == STEP.name for fact in facts)
     shown = [
         one
         for one in posterior.shares
         if one.odds > EVIDENCE and not (changed and one.term.name in OF_TIME)
     ]
-    terms = {one.name: one for one in _name_terms(shown, unit, radius)}
+    terms = {one.name: one for one in _name_terms(shown, unit, radius, evidence.time)}
     for doubt in _doubt_heading(coverage, posterior):  # of one cause the graver is told
         own = terms.get(doubt.name, doubt)
-        terms[doubt.name] = sort_findings([doubt, own])[0]
+        terms[doubt.name] = replace(sort_findings([doubt, own])[0], moments=own.moments)
     found = _report_once([*terms.values()], changed)
     names = {one.name for one in (*found, *facts) if one.severity != "note"}
     if not names:
@@ -171,19 +175,44 @@ def _report_once(found: list[Finding], changed: bool) -> list[Finding]:
     return [*first, *(replace(one, severity="note", move="") for one in told[len(first) :])]
 
 
-def _name_terms(shown: Sequence[Share], unit: str, radius: float) -> Iterator[Finding]:
+def _name_terms(
+    shown: Sequence[Share], unit: str, radius: float, time: Array | None
+) -> Iterator[Finding]:
     """What residuals show beside the calibration; a check where readings move by too much."""
-    for one in shown:
-        effect = max(one.heading_deg, one.moves_deg)
-        if effect < SEEN_DEG:
+    steps = [one for one in shown if one.row is not None]
+    for one in _join_moves(shown):
+        if max(one.heading_deg, one.moves_deg) < SEEN_DEG:
             continue
-        size = f", by {figure(one.size * radius)} {unit} rms" if one.size else ""
-        severity = _judge_deg(one.moves_deg)
+        rms = "" if one.row is not None else " rms"
+        size = f", by {figure(one.size * radius)} {unit}{rms}" if one.size else ""
+        severity = _judge_moves(one)
+        effect = max(one.heading_deg, one.moves_deg)
         left = f"it leaves the heading uncertain by {figure(effect)}°"
         if one.moves_deg > one.heading_deg:
             left = f"the calibration has its mean; the heading varies by {figure(effect)}° with it"
-        move = one.term.move if severity != "note" else ""
-        yield Finding(one.term.name, severity, f"{one.term.what}{size}; {left}", move)
+        moments: tuple[float, ...] = ()
+        what = one.term.what
+        if one.row is not None:
+            rows = np.array(sorted(step.row for step in steps if step.row is not None))
+            moments = tuple((rows if time is None else time[rows]).astype(float).tolist())
+            what = f"{what} {describe_moments(rows, time)}"
+        yield Finding(
+            one.term.name,
+            severity,
+            f"{what}{size}; {left}",
+            one.term.move if severity != "note" else "",
+            moments,
+        )
+
+
+def _judge_moves(one: Share) -> Severity:
+    """What a heading is worth that moves by so much over the log, or a bias by one step.
+
+    A large step is a fact of the record (`check_states`).
+    """
+    if one.row is not None:
+        return "check" if one.size >= SHIFT_DOUBTFUL else "note"
+    return _judge_deg(one.moves_deg)
 
 
 def _judge_deg(heading_deg: float) -> Severity:
@@ -191,6 +220,25 @@ def _judge_deg(heading_deg: float) -> Severity:
     if heading_deg >= HEADING_REFUSED_DEG:
         return "refuse"
     return "check" if heading_deg >= HEADING_DOUBTFUL_DEG else "note"
+
+
+def _join_moves(shown: Sequence[Share]) -> list[Share]:
+    """All steps of the bias as one with the size of the largest, or as part of its drift."""
+    others = [one for one in shown if one.term is not STEP]
+    steps = [one for one in shown if one.row is not None]
+    if not steps:
+        return others
+    heading = float(np.linalg.norm([one.heading_deg for one in steps]))
+    moves = float(np.linalg.norm([one.moves_deg for one in steps]))
+    for k, one in enumerate(others):
+        if one.term.name == DRIFT and one.size:
+            others[k] = one._replace(
+                heading_deg=float(np.hypot(one.heading_deg, heading)),
+                moves_deg=float(np.hypot(one.moves_deg, moves)),
+            )
+            return others
+    largest = max(steps, key=lambda one: one.size)
+    return [largest._replace(heading_deg=heading, moves_deg=moves), *others]
 
 
 def _say_uncertain(sd_deg: float) -> str:

@@ -22,7 +22,6 @@ from agonic.ellipsoid import Recording, fit_recording_and_rows, open_ellipsoid_p
 from agonic.errors import AgonicError
 from agonic.fit import Fit
 from agonic.health import Finding, Verdict, sentences, undo_decoding, verdict_of
-from agonic.health.finding import CHANGED
 from agonic.logs.any_form import Given, as_samples
 from agonic.maths.one_pass import find_length
 from agonic.new_rows import interpolate_repeated
@@ -32,6 +31,7 @@ from agonic.recording.choice.choose import Kind, choose, fall_back
 from agonic.recording.choice.fits import Case, Choice, describe_latency, list_sources
 from agonic.recording.ladder import Rung, build_ladder
 from agonic.recording.parts import (
+    CHANGED,
     MAX_OVER_STATED,
     Folds,
     Stretch,

@@ -22,11 +22,10 @@ from agonic.files.calibration import save
 from agonic.files.names import file_stem, find_stale
 from agonic.files.setup import save_setup
 from agonic.health import figure
-from agonic.health.finding import CHANGED
 from agonic.recording.advice import TURNING, is_in_space
 from agonic.recording.calibrated import Calibrated
 from agonic.recording.document import Written, describe_recording
-from agonic.recording.parts import cut_stretches, find_rows, sees_enough
+from agonic.recording.parts import CHANGED, cut_stretches, find_rows, sees_enough
 from agonic.units import RAW
 
 MOST_CHARACTERS = 20_000

@@ -14,7 +14,7 @@ from agonic.arrays import Array, Index, Mask
 from agonic.calibration.affine import FREE_PARAMETERS, Affine
 from agonic.calibration.base import Calibration, correct_field
 from agonic.errors import AgonicError
-from agonic.health.finding import CHANGED, Fact, Finding, Limit, find_facts
+from agonic.health.finding import Fact, Finding, Limit, find_facts
 from agonic.maths.equation.coverage import field_covariance
 from agonic.maths.equation.crowding import count_orientations, weigh_places
 from agonic.maths.one_pass import find_length, median
@@ -199,6 +199,7 @@ def describe_failed(check: Check) -> Finding:
 
 Stretch = tuple[float, float]
 """First and last moment, or row where there are no times."""
+CHANGED = "field changed"
 MIN_SHARE_JOINED = 0.6
 """Of the log: what came and went was there for the rest of the time at most."""
 CHANGE_MARGIN = 0.02

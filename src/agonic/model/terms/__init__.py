@@ -4,6 +4,6 @@ from agonic.model.terms.sensor import DIRECTION, SENSOR
 from agonic.model.terms.time import TIME
 
 HIDDEN = (*SENSOR, *TIME, *DIRECTION)
-"""Terms that no column of the log names."""
+"""Terms that no column of the log names; steps join from the blocks of time (`gram.STEPS`)."""
 
 __all__ = ["HIDDEN"]

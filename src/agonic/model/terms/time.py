@@ -43,6 +43,10 @@ def alternation(seen: Seen) -> Errors:
     return Errors(np.stack([np.broadcast_to(sign, x.shape), sign * x]))
 
 
+def no_errors(seen: Seen) -> None:
+    """The columns of a step are made from the blocks of time (`gram.Blocks`)."""
+
+
 TIME = (
     Term(
         name="bias drift",
@@ -80,4 +84,14 @@ TIME = (
         move="separate them (a sensor column, --sensor) and calibrate each by itself",
         moves=True,
     ),
+)
+
+STEP = Term(
+    name="field changed",
+    errors=no_errors,
+    scale=5e-3,
+    source="iron or a current that comes or goes",
+    what="the bias moved: something magnetic, or a current, was added or removed",
+    move="calibrate the stretches before and after separately, with everything in its final place",
+    moves=True,
 )

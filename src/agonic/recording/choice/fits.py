@@ -31,10 +31,10 @@ from agonic.ellipsoid import (
 )
 from agonic.fit import Fit
 from agonic.health import Finding
-from agonic.health.finding import CHANGED
 from agonic.health.inertial_unit import leave_out_faulty, repair
 from agonic.inertial.fit import InertialFit, fit_inertial, open_inertial_parts
 from agonic.model.terms import HIDDEN
+from agonic.model.terms.time import STEP
 from agonic.new_rows import find_fresh
 from agonic.recording.parts import FitPart, OpenParts
 from agonic.reference import Reference
@@ -50,7 +50,7 @@ _FITS: Mapping[str, Callable[..., Fit]] = {
 BESIDE_EACH_ROW = ("levelled", "vector")
 """Fits that compare a reading with the attitude of its row: one that is only held is late there."""
 
-MAY_BE_DISTURBED = {"coverage", "prior", "correlated noise", CHANGED, *(t.name for t in HIDDEN)}
+MAY_BE_DISTURBED = {"coverage", "prior", "correlated noise", STEP.name, *(t.name for t in HIDDEN)}
 """Reasons to refuse a fit that may go where what disturbs is known."""
 MOST_ROWS_OF_PARTS = 10_000
 """Rows that parts of a log are fitted to, together."""
