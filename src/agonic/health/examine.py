@@ -146,7 +146,10 @@ FEW_ORIENTATIONS = Fact(
 )
 DISTURBED = Fact(
     "disturbed",
-    lambda e: {"value": e.noise / e.radius, "percent": 100 * e.noise / e.radius},
+    lambda e: {
+        "value": np.nan_to_num(e.noise / e.radius, nan=np.inf),  # no noise is known of no fit
+        "percent": 100 * e.noise / e.radius,
+    },
     Limit(NOISE_DOUBTFUL),
     "readings scatter by {percent:.1f} % of the field about the best calibration: the field was "
     "not the same everywhere",

@@ -25,16 +25,16 @@ Verdict = Literal["good", "check", "refused"]
 
 
 class Limit(NamedTuple):
-    """Above which a number is to be looked at, refuses, or is worth a note; so is none at all."""
+    """Above which a number is to be looked at, refuses, or is worth a note."""
 
     check: float = float("inf")
     refuse: float = float("inf")
     note: float = float("inf")
 
     def grade(self, size: float) -> Severity | None:
-        """How grave a number of this size is; one that is none (NaN) exceeds every limit set."""
+        """How grave a number of this size is; one that is not known (NaN) exceeds no limit."""
         limits = ((one, getattr(self, one)) for one in _GRAVEST_FIRST)
-        return next((one for one, limit in limits if limit < np.inf and not size <= limit), None)
+        return next((one for one, limit in limits if size > limit), None)
 
 
 def figure(value: float, digits: int = 2) -> str:
@@ -102,7 +102,9 @@ def word_fact(fact: Fact, told: Told, **more: object) -> Finding | None:
     words = {**(told if isinstance(told, Mapping) else {"value": told}), **more}
     limit = fact.limit
     severity = limit.grade(words["value"]) if isinstance(limit, Limit) else limit
-    return severity and word_finding(fact.name, severity, fact.what, fact.move, words)
+    if severity is None:
+        return None
+    return word_finding(fact.name, severity, fact.what, fact.move, words)
 
 
 def find_first(table: Iterable[Fact], *subject: object) -> Finding | None:

@@ -51,7 +51,7 @@ MOST_OFF = 0.2
 """Of the radius: how far off a row is counts no more beyond."""
 MIN_STRETCH = 0.03
 """Of the log: a stretch is longer. Less is a magnet that was passed, which outliers tell."""
-EXPLAINED_NOISE = 1.2
+EXPLAINED_NOISE = 1.5
 """Times the noise that the fitted terms leave: a split into states that leaves more is explained by
 the terms."""
 MIXED_REFUSED = 0.1

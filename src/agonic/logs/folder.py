@@ -49,17 +49,20 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     if len(files) > MOST_PARTS:
         raise LogError(_say_several(files, path))
     tables: dict[str, Table] = {}
+    corrected: dict[str, str] = {}
     notes: list[str] = []
     for file in files:
         try:
             kind = format_of(read_head(file))
             if not kind.module.startswith(_TABLES):
                 raise LogError(f"{kind.name} are recordings of their own")
-            for part, table in kind.reader.read_tables(file).tables.items():
+            read = kind.reader.read_tables(file)
+            for part, table in read.tables.items():
                 named = name_axes(table, file.stem, alone=len(files) == 1)
                 if identify_columns(named):
-                    own = f"{part + 1}" if isinstance(part, int) and part else part or ""
-                    tables[f"{file.stem} {own}".rstrip()] = named
+                    number = part + 1 if isinstance(part, int) else part
+                    name = f"{file.stem} {number}".rstrip() if part else file.stem
+                    tables[name], corrected[name] = named, read.corrected.get(str(part), "")
         except LogError as error:
             notes.append(f"{file.name} was not read: {error}")
     found = {name: identify_columns(table) for name, table in tables.items()}
@@ -73,7 +76,15 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     paths = {name: Path(name) for name in tables}
     format = "a file for each sensor"
     return build_groups_log(
-        tables, paths, path=path, source=source, format=format, unit=unit, notes=tuple(notes)
+        tables,
+        paths,
+        None,
+        corrected,
+        path=path,
+        source=source,
+        format=format,
+        unit=unit,
+        notes=tuple(notes),
     )
 
 

@@ -79,11 +79,12 @@ def build_groups_log(
     groups: Mapping[str, Table] | Mapping[int, Table],
     paths: Mapping[str, Path] | None = None,
     said_of: Mapping[str, tuple[str, ...]] | None = None,
+    corrected: Mapping[str, str] | None = None,
     **facts: Unpack[Facts],
 ) -> Log:
     """The log that tables are, by the name of each, or a number where they have none. `paths` are
-    files of the tables, where they have their own, `said_of` remarks on the readings of each. The
-    rest as for `build_log`."""
+    files of the tables, where they have their own, `said_of` remarks on the readings of each, and
+    `corrected` how those had been before they were written. The rest as for `build_log`."""
     others = tuple(facts.get("others", ()))
     logs, beside, failures = [], [], []
     for key, table in groups.items():
@@ -96,7 +97,8 @@ def build_groups_log(
             if any(len(axes) == 3 for axes in fields.values()):
                 said = (*facts.get("remarks", ()), *(said_of or {}).get(name, ()))
                 own: Facts = {**facts, "path": path, "others": (), "notes": (), "remarks": said}
-                logs.append((name, build_log(table, **own)))
+                log = build_log(table, **own)
+                logs.append((name, _mark_corrected(log, (corrected or {}).get(name, ""))))
             else:
                 beside.append(read_beside(name, table, path))
         except LogError as error:
@@ -236,19 +238,23 @@ def build_tables_log(found: Found, path: Path, source: Input, unit: str | None =
         fields = [name for name, table in tables.items() if "field" in identify_columns(table)]
         if found.parts and len(fields) == 1:
             tables[""], paths[""] = tables.pop(fields[0]), Path(fields[0])
-        log = build_groups_log(tables, paths, found.remarks, **facts)
+        corrected = {**found.corrected, "": found.corrected.get(fields[0], "") if fields else ""}
+        log = build_groups_log(tables, paths, found.remarks, corrected, **facts)
     else:
         (table,) = found.tables.values()
         parts = split_by_sensor(table)
         named = {name: Path(name) for name in parts or ()}
         log = build_groups_log(parts, named, **facts) if parts else build_log(table, **facts)
-    sensors = []
-    for one in log.sensors:
-        name = "" if "" in found.tables else one.name.partition(" ")[0]
-        if how := found.corrected.get(name):
-            one = one.with_columns(corrected=True, notes=(*one.notes, how))
-        sensors.append(one)
-    return replace(log, sensors=tuple(sensors), streams=(*log.streams, *found.streams))
+        log = _mark_corrected(log, found.corrected.get("", ""))
+    return replace(log, streams=(*log.streams, *found.streams))
+
+
+def _mark_corrected(log: Log, how: str) -> Log:
+    """The log whose readings had been corrected before they were written, where it says `how`."""
+    if not how:
+        return log
+    sensors = (one.with_columns(corrected=True, notes=(*one.notes, how)) for one in log.sensors)
+    return replace(log, sensors=tuple(sensors))
 
 
 def name_label(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

@@ -27,6 +27,7 @@ def read_tables(path: Path) -> Found:
     """The columns of the sheets of a workbook that are understood; one sheet of several that holds
     a magnetometer gives its sensor no name."""
     sheets: dict[str, Table] = {}
+    corrected: dict[str, str] = {}
     said = []
     others: list[str] = []
     notes: list[str] = []
@@ -34,14 +35,16 @@ def read_tables(path: Path) -> Found:
         written = _write_sheets(path, Path(made))
         for name, file in written.items():
             try:
-                tables, about, *_ = csv_text.read_tables(file)
+                found = csv_text.read_tables(file)
             except LogError as error:
                 said.append(f"{name}: {error}")
                 continue
-            sheets |= {f"{name} {part}".rstrip(): table for part, table in tables.items()}
-            if any(map(identify_columns, tables.values())) or len(written) == 1:
-                others += about.get("others", ())
-                notes += about.get("notes", ())
+            for part, table in found.tables.items():
+                sheet = f"{name} {part}".rstrip()
+                sheets[sheet], corrected[sheet] = table, found.corrected.get(str(part), "")
+            if any(map(identify_columns, found.tables.values())) or len(written) == 1:
+                others += found.about.get("others", ())
+                notes += found.about.get("notes", ())
     if not sheets:
         why = "; ".join(said[:3]) or "all are empty"
         raise LogError(f"no sheet in it holds a table ({why})")
@@ -52,7 +55,9 @@ def read_tables(path: Path) -> Found:
         notes.insert(0, f"of {len(written)} sheets, {where} with a magnetometer")
     alone = len(known) == 1 and bool(fields)
     of_book: About = {"format": "workbook", "others": others, "notes": tuple(notes)}
-    return Found({"": known[fields[0]]} if alone else sheets, of_book, parts=True)
+    if alone:
+        return Found({"": known[fields[0]]}, of_book, {"": corrected[fields[0]]}, parts=True)
+    return Found(sheets, of_book, corrected, parts=True)
 
 
 def _write_sheets(path: Path, folder: Path) -> dict[str, Path]:

@@ -27,6 +27,8 @@ def fit_filter(residuals: Array) -> Array:
     `LAG_PRICE` a lag. What p lags leave of the variance is a pivot of the autocovariances' Cholesky
     factor."""
     n = len(residuals)
+    if not n:
+        return WHITE
     most = min(MOST_LAGS, n // ROWS_PER_LAG)
     covariances = np.correlate(np.append(residuals, np.zeros(most)), residuals) / n
     if not covariances[0] > 0.0:

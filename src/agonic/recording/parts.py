@@ -161,7 +161,10 @@ def compare_folds(folds: Folds | None) -> Check:
     if folds is not None:
         apart = float(np.sqrt(np.mean(angle_deg(folds.unseen, folds.seen) ** 2)))
         limit = max(limit, MAX_OVER_STATED * folds.turn_deg)
-        way = "differently: the field changed, or too few directions were visited"
+        way = (
+            "differently: the field changed, or too few directions were visited; record again in "
+            "one undisturbed place, turning slowly about all three axes"
+        )
         way = "the same way" if apart <= limit else way
         meaning = f"calibrations from alternate parts of the log point {way}"
     good = apart <= limit

@@ -95,11 +95,17 @@ def _read_hours(text: str) -> Found:
             minute = int(begun.astype(np.int64)) + 60 * (24 * (day - 1) + hour)
         elif line.strip():
             for at in (0, 32):
-                cells = (line[at + 8 * k : at + 8 * k + 7] for k in range(4))
-                rows.append([to_number(cell) for cell in cells])
+                widths = (7, 7, 7, 6)  # of F, which has no sign; a cell that is cut holds nothing
+                cells = [line[at + 8 * k :][:width] for k, width in enumerate(widths)]
+                whole = [len(cell) == width for cell, width in zip(cells, widths, strict=True)]
+                rows.append(
+                    [to_number(c) if w else np.nan for c, w in zip(cells, whole, strict=True)]
+                )
                 minutes.append(minute)
                 minute += 1
-    values = np.array(rows).reshape(-1, 4)
+    if not rows:
+        raise LogError("there is a header and no row of data; fetch the file again")
+    values = np.array(rows)
     values[values == 999_999] = np.nan
     units = np.array([100.0 if letter == "D" else 10.0 for letter in first["elements"]])
     return _find(

@@ -269,6 +269,8 @@ def _read_named(dialect: Dialect, text: str) -> tuple[dict[str, Any], list[str]]
         records = {"": [one for rows in records.values() for one in rows]}
     if channels:
         records[""] = gather_channels(channels, dialect.time)
+    if not records:
+        raise LogError("no row in it is whole; fetch the file again")
     short = Counter(kind.partition(",")[0] for kind in records)
     tables, others = {}, []
     for kind, rows in records.items():

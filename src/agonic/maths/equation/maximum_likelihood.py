@@ -343,5 +343,6 @@ def _agrees(problem: Problem, found: Estimate) -> bool:
         found.weights.min() == 1.0
         and sd < _NEGLIGIBLE
         and (determined or not problem.magnitude_only)
+        and not is_no_field(problem, found.solution.params, found.noise)  # nor a mirrored one
         and is_like_gaussian(found.residuals["magnitude"], sd, count)
     )

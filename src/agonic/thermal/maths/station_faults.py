@@ -133,9 +133,16 @@ def find_faults(
     likelies, named, means, spreads = zip(*made, strict=True)
     chances = np.exp(np.array(likelies) - max(likelies))
     chances /= chances.sum()
-    found = next((one for one, p in zip(named, chances, strict=True) if one and p > 0.05), ())
+    each_chance = zip(named, chances, strict=True)
+    found = next((one for one, p in each_chance if one and p > _chance_to_tell(one)), ())
     averaged = mix(chances, np.stack(means), np.stack(spreads))
     return Faults(found, *averaged, unseen, left_out)
+
+
+def _chance_to_tell(faults: Sequence[Fault]) -> float:
+    """From which chance faults are told: others that are rarer are in the standard error alone; a
+    walk looks like another field at each station, and is told where it is not unlikely."""
+    return 0.05 if any(one.candidate.kind == WALK for one in faults) else 0.4
 
 
 def _find_ways(
@@ -259,6 +266,8 @@ def _conclude(
     if not found:
         return (), estimate.coefficients, estimate.covariance
     a, constant = fit.problem.layout.shape[1], (fit.problem.degree + 1) * np.arange(3)
+    if np.abs(every[:a]).max() > 0.5:  # of the field: no small move, so its equations do not hold
+        return None
     covariance = base.inverse[:a, :a].copy()
     halves = list[Array]()
     for i in there:  # and half of what is not known of their sizes
