@@ -145,8 +145,19 @@ def of_group(group: int) -> list[str]:
     return [row[2] for row in rows if row[0] == str(group) and not row[1].startswith("Z")]
 
 
+_BEFORE: set[int] = set()
+
+
+@pytest.fixture(autouse=True)
+def forget_what_reads_logs() -> None:
+    """Earlier tests of this process may have left the one that reads logs waiting."""
+    _BEFORE.clear()
+    _BEFORE.update(process.pid for process in psutil.Process().children(recursive=True))
+
+
 def children() -> list[psutil.Process]:
-    """The processes that work for this one."""
+    """The processes that work for this one since a test began."""
     found = psutil.Process().children(recursive=True)
-    running = [process for process in found if process.status() != psutil.STATUS_ZOMBIE]
+    new = [process for process in found if process.pid not in _BEFORE]
+    running = [process for process in new if process.status() != psutil.STATUS_ZOMBIE]
     return [process for process in running if "child_process" in " ".join(process.cmdline())]
