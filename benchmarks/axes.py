@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from agonic.health.turning import check_gravity_turning
+from agonic.health.finding import find_first
+from agonic.health.turning import GRAVITY_TURNING
 from agonic.maths.rotations.right_angles import describe_renaming, right_angles
 from agonic.samples import Samples
 from agonic.simulation import simulate, with_inertial_unit
@@ -46,7 +47,9 @@ def drive(vehicle: str, seed: int) -> Samples:
 def name_axes(logged: Samples, turn: np.ndarray) -> str:
     """What is said where the axes are those of a turn (3, 3): "right", "otherwise" or "not"."""
     assert logged.acceleration is not None
-    found = check_gravity_turning(logged.with_columns(acceleration=logged.acceleration @ turn.T))
+    found = find_first(
+        [GRAVITY_TURNING], logged.with_columns(acceleration=logged.acceleration @ turn.T)
+    )
     if found is None:
         return "not"
     told = describe_renaming(turn.T) in found.what
@@ -59,7 +62,9 @@ def judge(vehicle: str, draws: int, clean: int) -> list[str]:
     for seed in range(draws):
         logged = drive(vehicle, seed)
         said += [name_axes(logged, turn) for turn in right_angles()[1:]]
-    blamed = sum(check_gravity_turning(drive(vehicle, seed)) is not None for seed in range(clean))
+    blamed = sum(
+        find_first([GRAVITY_TURNING], drive(vehicle, seed)) is not None for seed in range(clean)
+    )
     return [
         vehicle,
         *(f"{said.count(what)}" for what in ("right", "otherwise", "not")),

@@ -121,12 +121,10 @@ def verify(
     visits = max(int(np.count_nonzero(np.diff(cells[rows]))) + 1, 4)
     spread_before, spread_after = _spread(before[rows], weights), _spread(ratio[rows], weights)
     residual_rms = spread_after * float(np.mean(wanted))
-    well = "the calibration makes the magnitude steadier"
-    if spread_after > spread_before > 0:
-        well = "the magnitude was as steady before, within chance"
+    improvement = _AS_STEADY if spread_after > spread_before > 0 else _IMPROVEMENT
     checks = [
         _SPREAD.ask(100 * spread_after),
-        _IMPROVEMENT.compare(spread_before, spread_after, visits, well=well),
+        improvement.compare(spread_before, spread_after, visits),
     ]
     if noise:
         checks.append(_NOISE.ask(residual_rms / noise))
@@ -195,7 +193,7 @@ class _Question(NamedTuple):
         ratio = after / before if before > 0 else 1.0
         limit = 1 + 3 / np.sqrt(visits)
         check = self._replace(limit=float(limit)).ask(ratio, **words)
-        if check.passed or after > 0.005:
+        if check.passed or not after <= 0.005:
             return check
         return replace(check, passed=True, meaning=self.well.format(**words))
 
@@ -212,9 +210,10 @@ _IMPROVEMENT = _Question(
     "spread after over before",
     None,
     "",
-    "{well}",
+    "the calibration makes the magnitude steadier",
     "the calibration makes these readings worse: do not use it for them",
 )
+_AS_STEADY = _IMPROVEMENT._replace(well="the magnitude was as steady before, within chance")
 _REPLACEMENT = _Question(
     "spread after over the logged calibration's",
     None,

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import agonic as ag
-from agonic.health.turning import check_gravity_turning
+from agonic.health.finding import find_first
+from agonic.health.turning import GRAVITY_TURNING
 from agonic.maths.rotations.namings import compare_namings
 from agonic.maths.rotations.right_angles import describe_renaming
 from agonic.maths.rotations.turning import measure_left, sum_products
@@ -25,9 +26,9 @@ RENAMED = {
 @pytest.mark.parametrize("seed", [0, 1])
 def test_axes_of_an_accelerometer_are_named_in_waves(looks: str, seed: int) -> None:
     _, logged, _ = drive("boat", seed, rate_Hz=25.0)
-    assert check_gravity_turning(logged) is None
+    assert find_first([GRAVITY_TURNING], logged) is None
     renamed = logged.with_columns(acceleration=logged.acceleration @ RENAMED[looks].T)
-    found = check_gravity_turning(renamed)
+    found = find_first([GRAVITY_TURNING], renamed)
     assert found is not None
     assert looks in found.what
 
@@ -48,9 +49,9 @@ def test_a_boat_with_renamed_axes_is_not_good(turn: np.ndarray, looks: str) -> N
 def test_exchanged_axes_are_named_where_a_bank_is_not_felt(looks: str) -> None:
     """Headings would be off by 30°, at a stated 0.8°."""
     _, logged, _ = drive("flight", n=2000, rate_Hz=25.0)
-    assert check_gravity_turning(logged) is None
+    assert find_first([GRAVITY_TURNING], logged) is None
     renamed = logged.with_columns(acceleration=logged.acceleration @ RENAMED[looks].T)
-    found = check_gravity_turning(renamed)
+    found = find_first([GRAVITY_TURNING], renamed)
     assert found is not None
     assert looks in found.what
 
@@ -60,8 +61,10 @@ def test_axes_of_a_quadrotor_are_named(turn: np.ndarray) -> None:
     """It leans as it accelerates, so that nothing but its gusts is felt across."""
     copter = {"vehicle": "copter", "stray_nT_A": (0.0, 0.0, 0.0)}
     _, logged, _ = drive("flight", n=2500, rate_Hz=25.0, **copter)
-    assert check_gravity_turning(logged) is None
-    found = check_gravity_turning(logged.with_columns(acceleration=logged.acceleration @ turn.T))
+    assert find_first([GRAVITY_TURNING], logged) is None
+    found = find_first(
+        [GRAVITY_TURNING], logged.with_columns(acceleration=logged.acceleration @ turn.T)
+    )
     assert found is not None
     assert describe_renaming(turn.T) in found.what
 
@@ -72,7 +75,7 @@ def test_a_clock_is_not_taken_for_axes(seed: int, late_s: float, looks: str) -> 
     _, logged, _ = drive("hand", seed, n=2500, rate_Hz=25.0)
     then = logged.time - late_s
     late = [np.interp(then, logged.time, axis) for axis in logged.acceleration.T]
-    found = check_gravity_turning(logged.with_columns(acceleration=np.stack(late, axis=1)))
+    found = find_first([GRAVITY_TURNING], logged.with_columns(acceleration=np.stack(late, axis=1)))
     assert found is not None
     assert f"about {looks} late" in found.what
     assert "other axes" not in found.what
@@ -83,7 +86,7 @@ def test_no_clean_car_is_blamed() -> None:
     """Its braking outweighs its slopes threefold, and seems to follow them by chance."""
     for seed in range(20):
         _, logged, _ = drive("car", seed, n=2500, rate_Hz=25.0)
-        assert check_gravity_turning(logged) is None
+        assert find_first([GRAVITY_TURNING], logged) is None
 
 
 @pytest.mark.parametrize("lean", [-0.3, 0.2, 0.3, 0.4, 0.5, 1.0])
@@ -92,7 +95,9 @@ def test_a_vehicle_that_leans_in_its_turns_is_not_blamed(lean: float) -> None:
     samples = ride(lean)
     noise = 0.3 * np.random.default_rng(0).standard_normal((len(samples), 3))
     assert (
-        check_gravity_turning(samples.with_columns(acceleration=samples.acceleration + noise))
+        find_first(
+            [GRAVITY_TURNING], samples.with_columns(acceleration=samples.acceleration + noise)
+        )
         is None
     )
 

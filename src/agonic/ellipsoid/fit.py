@@ -176,10 +176,11 @@ def _fit(samples: Samples, reference: Reference | None, settings: Settings) -> F
         if posterior is not None and terms:  # which have what the reference may be wrong by
             posed = posed._replace(scale=posed.scale._replace(sd=0.0))
         if posterior is not None:
-            averaged = posterior
-            if found.model != "full":  # one that is asked for keeps its estimate
-                averaged = posterior._replace(params=found.estimate.solution.params)
-            found = list_numbers(averaged.average(found.estimate), found.model)
+            params = posterior.params
+            if found.model != "full":  # a smaller model, which was asked for, keeps its estimate
+                params = found.estimate.solution.params
+            averaged = posterior._replace(params=params).average(found.estimate)
+            found = list_numbers(averaged, found.model)
     affine = _make_affine(posed, found, samples, reference, settings)
     assert affine.noise is not None
     found = found._replace(noise=affine.noise)

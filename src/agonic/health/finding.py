@@ -33,8 +33,7 @@ class Limit(NamedTuple):
 
     def grade(self, size: float) -> Severity | None:
         """How grave a number of this size is; one that is not known (NaN) exceeds no limit."""
-        limits = ((one, getattr(self, one)) for one in _GRAVEST_FIRST)
-        return next((one for one, limit in limits if size > limit), None)
+        return next((one for one in _GRAVEST_FIRST if size > getattr(self, one)), None)
 
 
 def figure(value: float, digits: int = 2) -> str:

@@ -14,15 +14,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from agonic.arrays import Array, Mask
-from agonic.health.finding import (
-    Fact,
-    Finding,
-    Told,
-    figure,
-    find_facts,
-    find_first,
-    word_fact,
-)
+from agonic.health.finding import Fact, Finding, Told, figure, find_facts, find_first, word_fact
 from agonic.health.scale import STUCK_SHARE
 from agonic.health.sticking import find_stuck_rows, find_stuck_values
 from agonic.health.turning import (
@@ -99,10 +91,10 @@ def find_faults(samples: Samples) -> tuple[Fault, ...]:
 
 def _find_faults(samples: Samples) -> tuple[Fault, ...]:
     found: dict[str, Fault] = {}
-    for fact in FACTS:
-        for column, sensor in _SENSORS.items():
+    for columns, fact in FACTS:
+        for column in columns:
             told = None if getattr(samples, column) is None else fact.measure(samples, column)
-            finding = word_fact(fact, told, sensor=sensor)
+            finding = word_fact(fact, told, sensor=_SENSORS[column])
             if finding is None:
                 continue
             repaired = told.get("repaired") if isinstance(told, Mapping) else None
@@ -116,12 +108,11 @@ def _measure_nothing(samples: Samples, column: str) -> Told:
     return None if getattr(samples, column).any() else {}
 
 
-def _measure_scale(samples: Samples, column: str) -> Told:
+def _measure_scale(samples: Samples, _: str) -> Told:
     """An acceleration in another unit: what it is at rest is not gravity. Its direction is all that
     a fit takes, so one of unknown unit is scaled to gravity."""
     force = samples.acceleration
-    if force is None or column != "acceleration":
-        return None
+    assert force is not None, "a column of the table"
     telling = find_telling(samples)
     assert telling.acceleration is not None
     # vibration adds to it, unless it is smoothed out, and turning takes from it where it is
@@ -185,40 +176,44 @@ def _tell_since(samples: Samples, stopped: Mask) -> Told:
     return {"share": 100 * float(stopped.mean()), "since": since}
 
 
-FACTS = (
-    Fact(
-        "inertial unit",
-        _measure_nothing,
-        "note",
-        "the {sensor} reads nothing but zeros; it was left out",
-    ),
-    Fact(
-        "inertial unit",
-        _measure_scale,
-        "check",
-        "the acceleration is {size} in size where gravity is 9.8 m/s²: {looks}",
-        "name its unit; it was taken times {factor:3}",
-    ),
-    Fact(
-        "inertial unit",
-        _measure_still_axis,
-        "refuse",
-        "axis {axis} of the {sensor} reads {level} {unit} in {rows} while its other axes move: it "
-        "is dead or at the end of its range",
-        "check the {sensor}, its range and its wiring, and record again",
-    ),
-    Fact(
-        "inertial unit",
-        _measure_stopped,
-        "refuse",
-        "the {sensor} repeats one reading in {share:.0f} % of the rows while the magnetometer "
-        "moves, from t = {since} s on: it stopped",
-        "record again with the {sensor} running throughout, or use the part of the log before",
-    ),
-    TURNING,
-    GRAVITY_TURNING,
+NOTHING = Fact(
+    "inertial unit",
+    _measure_nothing,
+    "note",
+    "the {sensor} reads nothing but zeros; it was left out",
 )
-"""What may be wrong, of samples and one of their columns."""
+SCALE_OFF = Fact(
+    "inertial unit",
+    _measure_scale,
+    "check",
+    "the acceleration is {size} in size where gravity is 9.8 m/s²: {looks}",
+    "name its unit; it was taken times {factor:3}",
+)
+STILL_AXIS = Fact(
+    "inertial unit",
+    _measure_still_axis,
+    "refuse",
+    "axis {axis} of the {sensor} reads {level} {unit} in {rows} while its other axes move: it is "
+    "dead or at the end of its range",
+    "check the {sensor}, its range and its wiring, and record again",
+)
+STREAM_STOPPED = Fact(
+    "inertial unit",
+    _measure_stopped,
+    "refuse",
+    "the {sensor} repeats one reading in {share:.0f} % of the rows while the magnetometer moves, "
+    "from t = {since} s on: it stopped",
+    "record again with the {sensor} running throughout, or use the part of the log before",
+)
+FACTS = (
+    (("acceleration", "rotation_rate"), NOTHING),
+    (("acceleration",), SCALE_OFF),
+    (("acceleration", "rotation_rate"), STILL_AXIS),
+    (("acceleration", "rotation_rate"), STREAM_STOPPED),
+    (("rotation_rate",), TURNING),
+    (("acceleration",), GRAVITY_TURNING),
+)
+"""What may be wrong with columns of samples, in the order in which it is looked for."""
 STOPPED = Fact(
     "stopped",
     _tell_since,

@@ -72,13 +72,8 @@ def check_turning(samples: Samples) -> Finding | None:
     return find_first([TURNING], samples)
 
 
-def check_gravity_turning(samples: Samples) -> Finding | None:
-    """The finding that gravity turns in the accelerometer otherwise than by the gyro."""
-    return find_first([GRAVITY_TURNING], samples)
-
-
-def _measure_turning(samples: Samples, column: str = "rotation_rate") -> Told:
-    if column != "rotation_rate" or not _can_tell(samples):
+def _measure_turning(samples: Samples, _: str = "") -> Told:
+    if not _can_tell(samples):
         return None
     samples = find_telling(samples)
     found = find_renaming(samples, _UNITS, felt=False)
@@ -94,10 +89,10 @@ def _measure_turning(samples: Samples, column: str = "rotation_rate") -> Told:
     return {"looks": " and ".join(looks), "move": _tell_which(samples, found)}
 
 
-def _measure_gravity_turning(samples: Samples, column: str = "acceleration") -> Told:
+def _measure_gravity_turning(samples: Samples, _: str = "") -> Told:
     """The opposite sign of gravity turns alike: of P and −P, which cannot be told apart, the one
     that reverses fewer axes is told first."""
-    if column != "acceleration" or samples.acceleration is None or not _can_tell(samples):
+    if samples.acceleration is None or not _can_tell(samples):
         return None
     samples = find_telling(samples)
     turn = _find_probable_naming(samples)

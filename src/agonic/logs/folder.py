@@ -78,8 +78,7 @@ def _read_folder(folder: Path, path: Path, source: Input, unit: str | None) -> L
     return build_groups_log(
         tables,
         paths,
-        None,
-        corrected,
+        corrected=corrected,
         path=path,
         source=source,
         format=format,

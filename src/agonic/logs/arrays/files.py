@@ -31,9 +31,7 @@ _NUMPY = {b"\x93NUMPY": "NumPy array", b"PK\x03\x04": "NumPy archive"}
 
 def read(path: Path, source: Input, unit: str | None = None) -> Log:
     """The log that a file is; `unit` is that of the field where no variable names one."""
-    with path.open("rb") as stream:
-        numpy = any(map(stream.read(6).startswith, _NUMPY))
-    contents = None if numpy else _read_contents(path)
+    contents = None if _find_numpy(path) else _read_contents(path)
     if contents is not None and is_labelled(contents):
         return read_labelled(contents, path, source)
     return build_tables_log(read_tables(path, contents), path, source, unit)
@@ -42,9 +40,7 @@ def read(path: Path, source: Input, unit: str | None = None) -> Log:
 def read_tables(path: Path, contents: Mapping[str, Any] | None = None) -> Found:
     """The columns that are understood, a table for each length; a lone matrix as bare axes.
     `contents` are those of a file of MATLAB, where they have been read."""
-    with path.open("rb") as stream:
-        head = stream.read(6)
-    if kind := next((kind for mark, kind in _NUMPY.items() if head.startswith(mark)), ""):
+    if kind := _find_numpy(path):
         fields: dict[str, NDArray[Any]] = {}
         for name, array in call(read_arrays, path).items():
             parts = array.dtype.names or ()
@@ -55,6 +51,13 @@ def read_tables(path: Path, contents: Mapping[str, Any] | None = None) -> Found:
         corrected = {name: kind.corrected for name, kind in find_group("MAVLink").items()}
         return Found(messages, {"format": "MAVLink telemetry in MATLAB"}, corrected)
     return find_tables(arrays, {"format": "MATLAB file"})
+
+
+def _find_numpy(path: Path) -> str:
+    """What kind of file of NumPy it is, "" for one of MATLAB."""
+    with path.open("rb") as stream:
+        head = stream.read(6)
+    return next((kind for mark, kind in _NUMPY.items() if head.startswith(mark)), "")
 
 
 def _read_contents(path: Path) -> dict[str, Any]:

@@ -95,12 +95,7 @@ def _read_hours(text: str) -> Found:
             minute = int(begun.astype(np.int64)) + 60 * (24 * (day - 1) + hour)
         elif line.strip():
             for at in (0, 32):
-                widths = (7, 7, 7, 6)  # of F, which has no sign; a cell that is cut holds nothing
-                cells = [line[at + 8 * k :][:width] for k, width in enumerate(widths)]
-                whole = [len(cell) == width for cell, width in zip(cells, widths, strict=True)]
-                rows.append(
-                    [to_number(c) if w else np.nan for c, w in zip(cells, whole, strict=True)]
-                )
+                rows.append(_read_minute(line[at:]))
                 minutes.append(minute)
                 minute += 1
     if not rows:
@@ -119,6 +114,14 @@ def _read_hours(text: str) -> Found:
         },
         base=int(first["base"]) / 10.0 or np.nan,
     )
+
+
+def _read_minute(line: str) -> list[float]:
+    """The four values of a minute of IMFV1; NaN for one that is cut."""
+    widths = (7, 7, 7, 6)  # of F, which has no sign
+    cells = [line[8 * k :][:width] for k, width in enumerate(widths)]
+    pairs = zip(cells, widths, strict=True)
+    return [to_number(cell) if len(cell) == width else np.nan for cell, width in pairs]
 
 
 def _read_iaga(text: str) -> Found:

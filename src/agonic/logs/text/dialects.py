@@ -271,12 +271,12 @@ def _read_named(dialect: Dialect, text: str) -> tuple[dict[str, Any], list[str]]
         records[""] = gather_channels(channels, dialect.time)
     if not records:
         raise LogError("no row in it is whole; fetch the file again")
-    short = Counter(kind.partition(",")[0] for kind in records)
+    measured = Counter(kind.partition(",")[0] for kind in records)  # without its tags
     tables, others = {}, []
     for kind, rows in records.items():
-        plain = kind.partition(",")[0]
+        measurement = kind.partition(",")[0]
         table, more = make_table(rows)
-        tables[plain if short[plain] == 1 else kind] = table
+        tables[measurement if measured[measurement] == 1 else kind] = table
         others += more
     return {"" if len(tables) == 1 else name: table for name, table in tables.items()}, others
 

@@ -17,7 +17,7 @@ FLATTENING = 1.0 / 298.257223563
 
 
 def directions(latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> Array:
-    """sin φ, cos φ, sin λ, cos λ of geodetic positions, (4, n); what those below work with."""
+    """sin φ, cos φ, sin λ, cos λ of geodetic positions, (4, n), of which the others are made."""
     # One tangent of the half angle gives both to the last digit, and NumPy vectorises the tangent.
     half = np.tan(np.stack([latitude_deg, longitude_deg]) * (np.pi / 360.0))
     versine = 2.0 / (1.0 + half**2)

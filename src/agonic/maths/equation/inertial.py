@@ -28,7 +28,7 @@ from agonic.maths.estimation.loss import tukey
 from agonic.maths.estimation.noise.residuals import MAD_TO_SD
 from agonic.maths.one_pass import median
 
-_REWEIGHTINGS = 4  # of reweighting a stretch's azimuth
+_REWEIGHTINGS = 4  # of a stretch's azimuth
 _LEAST = 1e-6  # weight, so that a stretch of outliers has an azimuth too
 
 

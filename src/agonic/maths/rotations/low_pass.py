@@ -96,7 +96,7 @@ def find_passed(step: float, settling_s: float) -> float:
 
 
 def measure_rate_variance(rate: Array) -> float:
-    """The variance of a gyro's noise (n, 3), by third differences: motion is smooth, noise not."""
+    """The variance of a gyro's noise (n, 3), by third differences, which motion hardly has."""
     if len(rate) < 4:
         return LEAST_RATE_VARIANCE
     jerk = np.diff(rate, n=3, axis=0)

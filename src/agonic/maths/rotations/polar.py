@@ -41,7 +41,7 @@ class RotationPart(NamedTuple):
 def split_rotation(
     matrix: Array, covariance: Array | None, gauge: str
 ) -> tuple[Array, RotationPart]:
-    """S (six entries) of a matrix, and the rest; covariance: that of the gauge's parameters."""
+    """S (six entries) of a matrix, and the rest; `covariance` is that of the gauge's parameters."""
     rotation, symmetric = polar(matrix)
     whole = np.zeros((12, 12))
     if covariance is not None:
